@@ -114,7 +114,7 @@ def rendered(data: Path, name: str) -> list[Figure]:
     video = monodyn.read(clip.with_suffix(".mp4"))
     scene = monodyn.locate(monodyn.segment(video), mechanism)
     poses = monodyn.track(scene.masks, scene)
-    fitted = poses.part(0, FITTED)
+    fitted = poses[:FITTED]
     fit = monodyn.identify(fitted, scene.mechanism)
     if not fit.starts:
         raise monodyn.FitError(fit.status)

@@ -185,8 +185,8 @@ def next_frame(poses: Poses, repeats: int) -> float:
         repeats: How often.
     """
     begun = mechanism(FILE)
-    fit = monodyn.identify(poses.part(0, len(poses) - 1), begun, IdentifySettings(torque="friction"))
-    window = window_of(fit, begun, poses.part(0, len(poses) - 1))
+    fit = monodyn.identify(poses[: len(poses) - 1], begun, IdentifySettings(torque="friction"))
+    window = window_of(fit, begun, poses[: len(poses) - 1])
     before = refit(window, None, *start_of(fit, window))
     return timed(lambda: _one_more(poses, before), repeats).seconds
 

@@ -88,7 +88,7 @@ def covered(case: Case, grades: list[str]) -> Iterator[tuple[str, bool]]:
     known |= inertias(mujoco.MjModel.from_xml_path(str(clip.truth)))
     known["camera.roll"] = roll
     for k in range(WINDOWS):
-        part = poses.part(k * WINDOW, (k + 1) * WINDOW)
+        part = poses[k * WINDOW : (k + 1) * WINDOW]
         fit = monodyn.identify(part, scene.mechanism.with_choices(fix={"gravity": known["gravity"]}))
         grades.append(fit.grade)
         if not fit.ok:

@@ -22,7 +22,8 @@ import numpy as np
 
 from figures import Figure, command_line, finish, say, table
 from monodyn.errors import MonodynError
-from monodyn.estimation.fit import Combination, Fit
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.parts import Combination
 from monodyn.estimation.record.tables import read_poses, write_poses
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import Mechanism, load

@@ -104,7 +104,7 @@ def made_run(case: str, out: Path) -> Path:
     covariance = np.tile(NOISE**2 * np.eye(2), (FRAMES, 1, 1))
     joints = tuple(joint.name for joint in mechanism.joints)
     poses = Poses(joints, np.arange(FRAMES), time, position, covariance, np.ones(FRAMES, dtype=bool))
-    fit = monodyn.identify(poses.part(0, FITTED), mechanism, settings).check()
+    fit = monodyn.identify(poses[:FITTED], mechanism, settings).check()
     future = monodyn.predict(fit, times=time[FITTED:])
     monodyn.report(fit, future, to=out, poses=poses)
     return out

@@ -20,7 +20,8 @@ import numpy as np
 import monodyn
 from figures import Figure, command_line, finish, say, table
 from intervals import NOISE, RATE, SUBSTEPS, drawn_pendulum, inertias, valued
-from monodyn.estimation.fit import Combination, Estimate, Fit
+from monodyn.estimation.fit import Estimate, Fit
+from monodyn.estimation.parts import Combination
 from monodyn.mechanism import Mechanism
 from monodyn.results.experiment import HALVED, Advised, next_motion
 from monodyn.types import Poses

@@ -155,7 +155,7 @@ def run(clip: Path, method: str) -> Outcome:
     camera = monodyn.CameraSettings(method=method)
     scene, to_locate = timed(lambda: monodyn.locate(masks, mechanism, locate, camera=camera))
     poses, to_track = timed(lambda: monodyn.track(scene.masks, scene, track), runs=1)
-    found, to_fit = timed(lambda: monodyn.identify(poses.part(0, FITTED), scene.mechanism, fit))
+    found, to_fit = timed(lambda: monodyn.identify(poses[:FITTED], scene.mechanism, fit))
     each = float(np.mean(poses.evaluations)) if isinstance(poses, PaperPoses) else 0.0
     first = float(scene.evaluations) if isinstance(scene, PaperScene) else None
     return Outcome(poses, found, (first, each), (to_locate, to_track / len(poses), to_fit))
@@ -242,7 +242,7 @@ def driven(clip: Path) -> list[Figure]:
     scene = monodyn.locate(
         monodyn.segment(monodyn.read(clip.with_suffix(".mp4"))), monodyn.load(clip.with_suffix(".xml"))
     )
-    poses = monodyn.track(scene.masks, scene).part(0, DRIVEN)
+    poses = monodyn.track(scene.masks, scene)[:DRIVEN]
     thick = {f"link{i}.thickness": link[2] for i, link in enumerate(document["truth"]["links"], start=1)}
     known = scene.mechanism.with_choices(fix=thick)
     true_period = period_of(applied[:, 0], poses.time)

@@ -134,7 +134,7 @@ def case_two(clip: Clip, scene: Scene, poses: Poses) -> list[Figure]:
     settings = PaperIdentifySettings(method="paper", torque="fourier")
     for frames in LENGTHS:
         case = f"{clip.name}, Case II 0:{frames}"
-        fit = monodyn.identify(poses.part(0, frames), scene.mechanism, settings)
+        fit = monodyn.identify(poses[:frames], scene.mechanism, settings)
         say(f"{case}: {fit.status}")
         figures += [
             Figure(case, "follows the record", float(fit.ok), "", 1.0, least=True),

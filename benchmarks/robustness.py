@@ -144,7 +144,7 @@ def _judge_fit(clip: Clip, mechanism: Mechanism, poses: Poses, hinge: np.ndarray
     stop = int(np.searchsorted(poses.time, FIT_SECONDS - STAMP))
     last = int(np.searchsorted(poses.time, 2 * FIT_SECONDS - STAMP))
     began = time.perf_counter()
-    fit = monodyn.identify(poses.part(0, stop), mechanism)
+    fit = monodyn.identify(poses[:stop], mechanism)
     result.seconds.append(time.perf_counter() - began)
     if not fit.ok:
         result.notes.append(f"fit: {fit.status}")

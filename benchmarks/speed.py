@@ -286,7 +286,7 @@ def fitting(ready: Ready, repeats: int) -> list[Figure]:
     Returns:
         The times of a fit and of a prediction.
     """
-    poses, mechanism = ready.poses.part(0, FITTED), ready.scene.mechanism
+    poses, mechanism = ready.poses[:FITTED], ready.scene.mechanism
     settings = monodyn.IdentifySettings(starts=1)
     fit = monodyn.identify(poses, mechanism, settings)
     times = ready.video.times[FITTED : 2 * FITTED]

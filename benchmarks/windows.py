@@ -37,7 +37,7 @@ def real_films(data: Path, runs: Path) -> list[Figure]:
     stop, figures = document["fit_frames"][1], [graded(name, document)]
     worst = []
     for first in range(int(np.searchsorted(poses.frame, stop)), len(poses) - WINDOW + 1, WINDOW):
-        fit = monodyn.identify(poses.part(first, first + WINDOW), held)
+        fit = monodyn.identify(poses[first : first + WINDOW], held)
         worst.append(np.rad2deg(max(fit.rms.values())))
         figures.append(Figure(name, f"frames {first} to {first + WINDOW - 1}", worst[-1], "deg"))
     share = 100.0 * float(np.mean(np.array(worst) <= MOST_DEG))

@@ -69,7 +69,7 @@ def moved(
     measured = found.poses.position
     true = measured - found.errors
     position = true + error + noise * found.errors
-    motion = States(found.poses.time, position, *3 * [0.0 * position])
+    motion = States(found.poses.joints, found.poses.time, position, *3 * [0.0 * position])
     fit: Any = SimpleNamespace(
         shared=tuple("abcdef"),
         starts=(None,),

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 import monodyn
-from monodyn.estimation.fit import Combination, Estimate, Fit
+from monodyn.estimation.fit import Estimate, Fit
+from monodyn.estimation.parts import Combination
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import simulate
 from monodyn.results.fill import fill

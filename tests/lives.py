@@ -85,7 +85,9 @@ def followed(index: int = 45, fit: Fit | None = None, **changes: Any) -> Step:
     fit = fit or identified()
     time = index / RATE
     ahead = fill(fit, time + np.arange(int(AHEAD * RATE) + 1) / RATE)
-    future = Prediction(ahead.time, ahead.position, ahead.velocity, ahead.std, ahead.velocity_std)
+    future = Prediction(
+        ahead.joints, ahead.time, ahead.position, ahead.velocity, ahead.std, ahead.velocity_std
+    )
     dofs = len(fit.mechanism.joints)
     joints = tuple(joint.name for joint in fit.mechanism.joints)
     pose = Poses(

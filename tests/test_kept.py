@@ -123,7 +123,7 @@ def test_where_enough_is_left_after_the_fitted_rows_nothing_is_kept_back(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     record, mechanism, given = swung(90), load("single"), []
-    fits = [monodyn.identify(record.part(0, stop), mechanism, SETTINGS) for stop in (81, 80)]
+    fits = [monodyn.identify(record[:stop], mechanism, SETTINGS) for stop in (81, 80)]
 
     def noted(records, mechanism, settings, progress=None):
         given.append([len(one) for one in records])

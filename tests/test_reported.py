@@ -43,7 +43,7 @@ def both(tmp_path: Path, records: list[Poses], stop: int) -> tuple[dict, dict]:
     identify_tables(tables, "single", tmp_path / "cli", settings)
     mechanism = load("single")
     again = [monodyn.read_poses(table, mechanism) for table in tables]
-    fit = monodyn.identify([one.part(0, stop) for one in again], mechanism)
+    fit = monodyn.identify([one[:stop] for one in again], mechanism)
     monodyn.report(fit, to=tmp_path / "python", poses=again, settings=settings)
     found = tuple(json.loads((tmp_path / name / "fit.json").read_text()) for name in ("cli", "python"))
     return found[0], found[1]

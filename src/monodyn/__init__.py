@@ -41,11 +41,13 @@ if TYPE_CHECKING:
     from monodyn.results.closed import closed_loop as closed_loop
     from monodyn.results.draws import drawn as drawn
     from monodyn.results.experiment import next_motion as next_motion
+    from monodyn.results.fill import States as States
     from monodyn.results.fill import fill as fill
     from monodyn.results.horizon import horizon as horizon
     from monodyn.results.linear import linearize as linearize
     from monodyn.results.opened import open_run as open_run
     from monodyn.results.opened import remembered as remembered
+    from monodyn.results.predict import Prediction as Prediction
     from monodyn.results.predict import predict as predict
     from monodyn.results.regulator import Allowed as Allowed
     from monodyn.results.regulator import lqr as lqr
@@ -66,7 +68,9 @@ if TYPE_CHECKING:
     from monodyn.vision.clip.video import read as read
     from monodyn.vision.dots.find import find_dots as find_dots
     from monodyn.vision.foreground.given import read_masks as read_masks
+    from monodyn.vision.locating.scene import Scene as Scene
     from monodyn.vision.points.read import read_points as read_points
+    from monodyn.vision.points.scene import PointScene as PointScene
     from monodyn.vision.points.tracks import PointTracks as PointTracks
     from monodyn.vision.settings import CameraSettings as CameraSettings
     from monodyn.vision.settings import LocateSettings as LocateSettings
@@ -85,7 +89,9 @@ _HOMES = {
     "vision.clip.video": ("Video", "read"),
     "vision.dots.find": ("find_dots",),
     "vision.foreground.given": ("read_masks",),
+    "vision.locating.scene": ("Scene",),
     "vision.points.read": ("read_points",),
+    "vision.points.scene": ("PointScene",),
     "vision.points.tracks": ("PointTracks",),
     "vision.settings": ("CameraSettings", "LocateSettings", "SegmentSettings", "TrackSettings"),
     "estimation.fit": ("Fit",),
@@ -94,10 +100,10 @@ _HOMES = {
     "estimation.settings": ("IdentifySettings",),
     "stages": ("identify", "locate", "segment", "track"),
     "results.opened": ("open_run", "remembered"),
-    "results.predict": ("predict",),
+    "results.predict": ("Prediction", "predict"),
     "results.draws": ("drawn",),
     "results.experiment": ("next_motion",),
-    "results.fill": ("fill",),
+    "results.fill": ("States", "fill"),
     "results.horizon": ("horizon",),
     "results.closed": ("closed_loop",),
     "results.linear": ("linearize",),

@@ -16,10 +16,11 @@ import numpy as np
 from monodyn.errors import FitError, MechanismError, SettingsError
 from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.mechanism.dots import check_dots, dots_of, shows_dots
+from monodyn.mechanism.steps import spacing
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.results.opened import is_run, remembered
-from monodyn.results.predict import MOST_ROWS, evenly, spacing
+from monodyn.results.predict import MOST_ROWS, evenly
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
 from monodyn.stages import check_camera

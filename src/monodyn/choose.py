@@ -301,7 +301,7 @@ def _followed(job: Job, masks: Masks, one: Tried) -> Tried:
         known = job.sight and job.sight.fit_frames
         frames = free_range(settings.fit_frames if known else None, known or (0, len(poses)), span)
         first, stop = np.searchsorted(poses.frame, frames).tolist()
-        part = poses.part(first, stop)
+        part = poses[first:stop]
         quick = replace(settings.identify, uncertainty="linear")
         fit = identify(part, scene.mechanism, quick, progress=report)
         why = doubtful_sight(Sight(masks.video, masks=masks, scene=scene, poses=poses), part)

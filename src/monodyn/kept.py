@@ -49,13 +49,11 @@ def kept_doubts(
     fitted, stops = [], []
     for k, record in enumerate(records):
         first, after = fitted_rows(fit, record, k)
-        fitted.append(record.part(first, after))
-        stops.append(None if _rows(record.part(after, len(record))) >= FEWEST else _stop(fitted[-1]))
+        fitted.append(record[first:after])
+        stops.append(None if _rows(record[after:]) >= FEWEST else _stop(fitted[-1]))
     if all(stop is None for stop in stops):
         return []
-    parts = [
-        record if stop is None else record.part(0, stop) for record, stop in zip(fitted, stops, strict=True)
-    ]
+    parts = [record if stop is None else record[:stop] for record, stop in zip(fitted, stops, strict=True)]
     try:
         # the prediction rests on the covariance, wherever the intervals come from
         quick = replace(settings, starts=1, uncertainty="linear")

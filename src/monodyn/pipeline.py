@@ -147,7 +147,7 @@ def concluded(
     times = prediction_times(stamps, frames[1], settings.until)
     # the fit must not see the frames that it will be compared with
     first, stop = np.searchsorted(poses.frame, frames).tolist()
-    check_tracked(poses.part(first, stop), video, log.notes)
+    check_tracked(poses[first:stop], video, log.notes)
     with log.stage("identify"):
         fit, poses = _identified(job, sight, scene, poses, (first, stop), mechanism)
     with log.stage("predict"):
@@ -183,7 +183,7 @@ def _identified(
     after these, and the poses with the turns that the dynamics make out."""
     settings, log, progress = job.settings.identify, job.log, job.progress
     poses, unsure = with_right_turns(poses, rows, scene.mechanism, settings, progress)
-    part = poses.part(*rows)
+    part = poses[slice(*rows)]
     bodies = chosen_bodies(mechanism, settings.bodies)
     why = doubtful_sight(sight, part, uniform=bodies == "uniform")
     # no number of starts finds the mechanism in poses that are not its own
@@ -364,7 +364,7 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> Tracked:
     scene, poses, span, _ = exposed
     sight.scene, sight.unsettled = scene, unsettled(exposed)
     sight.poses, sight.free_frames = poses, span[:2]
-    moving = poses.part(*np.searchsorted(poses.frame, span[:2]))
+    moving = poses[slice(*np.searchsorted(poses.frame, span[:2]))]
     repeats = int(np.sum(np.isin(scene.masks.video.repeats.frames, moving.frame)))
     others = left_out(scene.masks.background, given=settings.segment.roi is not None)
     notes = _clip_notes(video, None if job.masks is None else scene.masks.video)
@@ -407,7 +407,7 @@ def _locate_and_track_points(job: Job, sight: Sight, tracks: PointTracks, mechan
     with log.stage("track"):
         poses, span = track_freely(tracks, scene, settings.track, span=settings.time_range, progress=progress)
     sight.poses, sight.free_frames = poses, span[:2]
-    moving = poses.part(*np.searchsorted(poses.frame, span[:2]))
+    moving = poses[slice(*np.searchsorted(poses.frame, span[:2]))]
     notes = _clip_notes(sight.video, tracks.clip)
     log.notes += [*tracks.notes, *scene.advice, *notes, *span.notes, *unshown(moving)]
     log.free_frames = span[:2]

@@ -149,7 +149,7 @@ def _judged(
         return fit
     doubts = []
     if whole:
-        hardly = unmeasured_joints([trace.poses.part(*trace.rows) for trace in traces])
+        hardly = unmeasured_joints([trace.poses[slice(*trace.rows)] for trace in traces])
         doubts += [Doubt("approximate", hardly)] if hardly else []
         # the torques of the whole record are not those of its beginning
         mechanism = fit.mechanism if fit.torque == "known" else fit.mechanism.with_torque("friction")

@@ -59,7 +59,7 @@ class Tabled:
         """What is fitted of the records."""
         if not self.rows:
             return list(self.records)
-        return [record.part(*rows) for record, rows in zip(self.records, self.rows, strict=True)]
+        return [record[slice(*rows)] for record, rows in zip(self.records, self.rows, strict=True)]
 
     @property
     def noises(self) -> float:

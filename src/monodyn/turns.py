@@ -90,7 +90,7 @@ def with_right_turns(
         return poses, []
     parts = _stretches(poses, gaps, fitted)
     try:
-        fit = identify([poses.part(*part) for part in parts], mechanism, settings, progress=progress)
+        fit = identify([poses[slice(*part)] for part in parts], mechanism, settings, progress=progress)
     except VideoError:
         fit = None  # no stretch is long enough
     offset, unsure = np.zeros(poses.position.shape), []
@@ -121,9 +121,7 @@ def _turns_across(
         return None
     motion = fill(fit, poses.time[[gap.after]], record=before[-1])
     # the motion is against gravity, the record as the camera had it
-    measured = metric(
-        poses.part(gap.after, gap.after + 1), fit.mechanism, fit.scale, fit.common_of(before[-1])
-    )
+    measured = metric(poses[gap.after : gap.after + 1], fit.mechanism, fit.scale, fit.common_of(before[-1]))
     off = float(motion.position[0, gap.dof] - measured.position[0, gap.dof])
     turns = float(np.round(off / TURN))
     if abs(off - TURN * turns) > CERTAIN or not motion.std[0, gap.dof] < CERTAIN:

@@ -6,14 +6,22 @@ body, param, height, width. SI units and radians throughout.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import VideoError
+from monodyn.extras import extra
+from monodyn.markup import brief, card, counted, stretch, table
+from monodyn.numbers import number, short
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
 
 FULL = 160
 """Coverage of a pixel that the mechanism covers whole. The values above it keep a part that stands out more
@@ -119,6 +127,10 @@ class TorqueLog:
                 "give what acted, or no log."
             )
 
+    def __repr__(self) -> str:
+        rows = counted(len(self.time), "row")
+        return f"<TorqueLog of {brief(self.joints, 'joints')}: {rows}, {stretch(self.time.tolist())}>"
+
 
 @dataclass(frozen=True, eq=False)
 class Poses:
@@ -195,20 +207,120 @@ class Poses:
         seen = self.seen[:, np.newaxis] if self.joint_seen is None else self.joint_seen
         return np.asarray(np.isfinite(self.position) & seen)
 
-    def part(self, first: int, stop: int) -> Poses:
-        """Return a stretch of the rows.
+    # a record is cut, not gone through: without this Python would ask for row after row
+    __iter__ = None
 
-        Args:
-            first: First row.
-            stop: Row after the last one.
+    def __getitem__(self, rows: slice) -> Self:
+        """Return a stretch of the rows, as ``poses[40:80]``, with all that belongs to them."""
+        if not _forward(rows):
+            raise VideoError(
+                "Poses: expected rows in the order of time, such as poses[40:80], got "
+                f"poses[{_asked(rows)}]; a single one is poses[40:41]."
+            )
+        return replace(self, **self._cut(rows))
+
+    def _cut(self, rows: slice) -> dict[str, Any]:
+        """Return the fields that have rows, cut."""
+        by_row = ("frame", "time", "position", "covariance", "seen")
+        cut = {name: getattr(self, name)[rows] for name in by_row}
+        cut["joint_seen"] = None if self.joint_seen is None else self.joint_seen[rows]
+        cut["shifts"] = None if self.shifts is None else self.shifts[:, rows]
+        return cut
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard deviation of each position [rad or m], (frame, dof)."""
+        # rounding may leave a variance slightly below zero
+        return np.sqrt(np.maximum(np.diagonal(self.covariance, axis1=1, axis2=2), 0.0))
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return the record as columns of ``poses.csv`` by name, each (frame,).
+
+        Errors that the positions share are not among them; ``shared_columns`` has these.
         """
-        rows = slice(first, stop)
-        return Poses(
-            self.joints, self.frame[rows], self.time[rows], self.position[rows], self.covariance[rows],
-            self.seen[rows], self.metric, None if self.joint_seen is None else self.joint_seen[rows],
-            self.roll, None if self.shifts is None else self.shifts[:, rows], self.torques,
-            self.cleared,
-        )  # fmt: skip
+        std, measured = self.std, self.measured
+        found = {"frame": self.frame, "time": self.time, "seen": self.seen}
+        for end, values in (("", self.position), ("_std", std), ("_seen", measured)):
+            found |= {f"{name}{end}": values[:, dof] for dof, name in enumerate(self.joints)}
+        return found
+
+    def to_pandas(self) -> DataFrame:
+        """Return the record as a table of pandas, with the columns of ``poses.csv`` (needs monodyn[tables]).
+
+        Returns:
+            One row a frame: ``frame``, ``time`` [s], ``seen``, and by joint the position [rad or m],
+            ``_std``, ``_seen`` and ``_shared1``, ...
+        """
+        pandas = extra("to_pandas", "pandas", "tables")
+        return pandas.DataFrame(self.columns() | shared_columns(self.joints, self.shifts))
+
+    def to_xarray(self) -> Dataset:
+        """Return the record as a data set of xarray, covariances and all (needs monodyn[tables]).
+
+        Returns:
+            ``position``, ``std`` and ``seen`` by ``time`` and ``joint``, ``covariance`` by ``time``,
+            ``joint`` and ``other_joint``, and ``shared`` by ``direction``, ``time`` and ``joint``.
+        """
+        xarray, row = extra("to_xarray", "xarray", "tables"), ("time", "joint")
+        data: dict[str, Any] = {name: (row, values) for name, values in (
+            ("position", self.position), ("std", self.std), ("seen", self.measured),
+        )}  # fmt: skip
+        data["covariance"] = (("time", "joint", "other_joint"), self.covariance)
+        if self.shifts is not None:
+            data["shared"] = (("direction", "time", "joint"), self.shifts)
+        joints = list(self.joints)
+        places = {"time": self.time, "frame": ("time", self.frame), "joint": joints, "other_joint": joints}
+        return xarray.Dataset(data, places)
+
+    def __repr__(self) -> str:
+        times, seen = stretch(self.time.tolist()), int(self.measured.all(axis=1).sum())
+        frames = counted(len(self), "frame")
+        return f"<{type(self).__name__} of {brief(self.joints, 'joints')}: {frames}, {times}, {seen} seen>"
+
+    def _repr_html_(self) -> str:
+        """Return the record as HTML, for notebooks."""
+        rows = []
+        for dof, name in enumerate(self.joints):
+            use = self.measured[:, dof]
+            values, std = self.position[use, dof], self.std[use, dof]
+            texts = ["–"] * 4
+            if len(values):
+                ends = (np.min(values), np.max(values), np.ptp(values))
+                texts = [*(number(float(end)) for end in ends), short(float(np.median(std)))]
+            rows.append([name, str(len(values)), *texts])
+        columns = ("joint [rad or m]", "measured", "least", "most", "range", "std (median)")
+        return card(repr(self), table(columns, rows))
+
+
+def shared_columns(joints: Sequence[str], shifts: np.ndarray | None) -> dict[str, np.ndarray]:
+    """Return errors that the positions of a record share as columns of ``poses.csv`` by name, each (frame,).
+
+    Args:
+        joints: Joint names.
+        shifts: One standard deviation of each independent direction, (direction, frame, dof); None for none.
+    """
+    several = () if shifts is None else shifts
+    return {
+        f"{name}_shared{k + 1}": one[:, dof]
+        for k, one in enumerate(several)
+        for dof, name in enumerate(joints)
+    }
+
+
+def _forward(rows: object) -> bool:
+    """Return whether rows are a slice of whole numbers that goes on in time."""
+    try:
+        return isinstance(rows, slice) and rows.indices(1)[2] > 0
+    except (TypeError, ValueError):
+        return False
+
+
+def _asked(rows: object) -> str:
+    """Return what stood within the brackets."""
+    if not isinstance(rows, slice):
+        return str(rows)
+    ends = ["" if end is None else str(end) for end in (rows.start, rows.stop, rows.step)]
+    return ":".join(ends)
 
 
 def under(progress: Progress | None, name: str) -> Progress | None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monodyn.estimation.fit import Common
+from monodyn.estimation.parts import Common
 from monodyn.estimation.record.samples import prepare
 from monodyn.estimation.record.shared import moves_a_zero
 from monodyn.estimation.record.smooth import smooth
@@ -104,7 +104,7 @@ def test_what_was_told_once_is_not_looked_for_again(poses, double) -> None:
     cleared = replace(poses, shifts=shifts, cleared=True)
     assert prepare([cleared], double).shifts is None
     assert by_record(Common(np.zeros(0), np.zeros((0, 0))), [cleared]) == (None,)
-    assert cleared.part(3, 9).cleared
+    assert cleared[3:9].cleared
 
 
 @pytest.mark.slow

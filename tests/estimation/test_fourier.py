@@ -146,7 +146,7 @@ def test_a_period_longer_than_the_record_is_not_guessed(tmp_path):
     """Half a period of the torque looks like a shorter one to a model that may choose its sizes."""
     for first in (0, 30, 60):
         record, _ = simulated(DOUBLE, [-1.5, 0.3], 120, wave)
-        fit = identify(record.part(first, first + 36), started(DOUBLE, tmp_path, 0.5), SERIES)
+        fit = identify(record[first : first + 36], started(DOUBLE, tmp_path, 0.5), SERIES)
         assert not fit.ok
         assert fit.status == NO_PERIOD
 
@@ -187,7 +187,7 @@ def test_a_known_period_is_kept(passive, tmp_path):
 
 def test_more_unknowns_than_samples_is_refused(driven, tmp_path):
     settings = IdentifySettings(torque="fourier", terms=12)
-    fit = identify(driven[0].part(0, 20), started(DOUBLE, tmp_path, 0.5), settings)
+    fit = identify(driven[0][:20], started(DOUBLE, tmp_path, 0.5), settings)
     assert not fit.ok
     assert fit.status == (
         "40 measured joint positions cannot determine 61 unknowns (parameters and start states); give more "

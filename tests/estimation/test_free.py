@@ -28,7 +28,7 @@ def test_any_torque_is_found_when_sizes_are_known(tmp_path):
 
 
 def test_free_torques_say_what_they_rest_on(driven, tmp_path):
-    fit = identify(driven[0].part(0, 60), started(DOUBLE, tmp_path, 0.5), IdentifySettings(torque="free"))
+    fit = identify(driven[0][:60], started(DOUBLE, tmp_path, 0.5), IdentifySettings(torque="free"))
     assert fit.ok, fit.status
     assert not fit.parameter("link1.length").identifiable
     assert set(advice.free_torques(fit.mechanism)) <= set(fit.advice)

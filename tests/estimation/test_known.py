@@ -45,7 +45,7 @@ def found(pushed, tmp_path_factory):
     """The fit from sizes and thicknesses that are wrong."""
     mechanism = started(DOUBLE, tmp_path_factory.mktemp("known"), 1.2)
     start = mechanism.with_values({"link1.thickness": 0.003, "link2.thickness": 0.009})
-    return identify(pushed.part(0, 60), start)
+    return identify(pushed[:60], start)
 
 
 def test_masses_inertias_and_dampings_are_absolute(found) -> None:
@@ -78,7 +78,7 @@ def test_masses_are_listed_and_documented(found) -> None:
 
 
 def test_the_prediction_goes_on_under_the_known_torque(found, pushed) -> None:
-    ahead = pushed.part(60, FRAMES)
+    ahead = pushed[60:FRAMES]
     future = predict(found, times=ahead.time)
     assert np.abs(future.position - ahead.position).max() < 0.01
     acting = torques(found, ahead.time)

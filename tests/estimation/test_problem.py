@@ -115,7 +115,7 @@ def test_slopes_of_a_driven_rollout_are_differences(name, driven, tmp_path):
     start = started(DOUBLE, tmp_path, 1.1).with_torque("fourier", terms=2, period=2.1)
     start = start.with_choices(free=["time_scale"])
     start = start.with_values({"joint1.torque.cos1": 0.02, "joint2.torque.sin2": 0.01, "time_scale": 1.1})
-    record = driven[0].part(20, 40)
+    record = driven[0][20:40]
     data = prepare((record,), start)
     problem, pieces = posed(start, data), cut(data, 20)
     trial = Trial(problem.unknowns.x0, np.array([[-1.5, 0.3, 0.5, -1.0]]), pieces, 8)

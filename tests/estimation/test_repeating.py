@@ -117,7 +117,7 @@ def test_what_does_not_repeat_is_laid_to_no_force_of_the_state():
         slow = lfilter([np.sqrt(1.0 - kept**2)], [1.0, -kept], lfilter([0.3], [1.0, -0.7], drawn))[500:]
         position = motion(truth, times, [0.9], [0.0]) + 7e-4 * slow[:, None]
         whole = record(truth, times, position, noise=4e-5, seed=seed)
-        fits = [identify(whole.part(0, rows), load("single"), FREE) for rows in (200, 800)]
+        fits = [identify(whole[:rows], load("single"), FREE) for rows in (200, 800)]
         named = [{one.name: one for one in fit.combinations} for fit in fits]
         for name in ("link1.mx * gravity / link1.J", "link1.my * gravity / link1.J"):
             short, long = (one[name].std for one in named)

@@ -35,7 +35,7 @@ def test_records_that_cannot_be_used(poses, double):
 
 def test_gaps_get_rows_that_weigh_nothing(poses, double):
     """No step is over twice the usual one; what was measured keeps its row of the table."""
-    holes = replace(poses.part(0, 20), seen=~np.isin(np.arange(20), range(8, 14)))
+    holes = replace(poses[:20], seen=~np.isin(np.arange(20), range(8, 14)))
     kept = holes.seen
     sparse = Poses(
         poses.joints, holes.frame[kept], holes.time[kept], holes.position[kept], holes.covariance[kept],
@@ -53,7 +53,7 @@ def test_gaps_get_rows_that_weigh_nothing(poses, double):
 
 @pytest.mark.parametrize("samples", [7, 10, 100])
 def test_pieces_are_all_rows_and_join_two_by_two(poses, double, samples):
-    data = prepare([poses, poses.part(0, 30)], double)
+    data = prepare([poses, poses[:30]], double)
     pieces = cut(data, samples)
     rounds = 0
     while not pieces.whole:
@@ -69,13 +69,13 @@ def test_pieces_are_all_rows_and_join_two_by_two(poses, double, samples):
 
 
 def test_what_holds_for_a_record_holds_for_its_rows(poses, double):
-    data = prepare([poses, poses.part(0, 30)], double)
+    data = prepare([poses, poses[:30]], double)
     np.testing.assert_array_equal(data.by_row(np.array([3, 5])), [3] * 60 + [5] * 30)
     np.testing.assert_array_equal(cut(data, 7).by_row(np.array([3, 5])), [3] * 60 + [5] * 30)
 
 
 def test_some_pieces_stand_for_all(poses, double):
-    data = prepare([poses, poses.part(0, 7), poses], double)
+    data = prepare([poses, poses[:7], poses], double)
     pieces = cut(data, 10)
     part, chosen = spread(data, pieces, 4)
     assert chosen.record.tolist() == [0, 0, 2, 2]

@@ -21,7 +21,7 @@ from swings import motion, record
     ("change", "status"),
     [
         (
-            lambda p: p.part(0, 4),
+            lambda p: p[:4],
             "8 measured joint positions cannot determine 10 unknowns (parameters and start states); "
             "give more frames or fix parameters.",
         ),

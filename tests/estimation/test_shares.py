@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monodyn.estimation.fit import Combination, Estimate
+from monodyn.estimation.fit import Estimate
+from monodyn.estimation.parts import Combination
 from monodyn.estimation.record.samples import prepare
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import Problem, posed

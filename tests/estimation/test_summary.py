@@ -49,7 +49,7 @@ def test_residuals_stay_in_the_rows_of_their_tables(poses, double):
 
     seen = poses.seen.copy()
     seen[[0, 1, 30]] = False
-    fit = identify([replace(poses, seen=seen), poses.part(10, 50)], double, IdentifySettings(starts=1))
+    fit = identify([replace(poses, seen=seen), poses[10:50]], double, IdentifySettings(starts=1))
     assert [len(table) for table in fit.residual] == [60, 40]
     np.testing.assert_array_equal(np.isfinite(fit.residual[0][:, 0]), seen)
     assert np.isfinite(fit.residual[1]).all()

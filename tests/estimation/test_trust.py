@@ -86,7 +86,7 @@ def test_a_misfit_may_be_a_tilt(bent):
     # a record against gravity has no such doubt, and neither has one that gravity's direction was given for
     assert told not in identify(replace(bent, roll=None), load("single")).advice
     assert told not in identify(bent, load("single").with_choices(fix={"camera.roll": 0.0})).advice
-    assert told not in identify(bent.part(0, 60), load("single")).advice
+    assert told not in identify(bent[:60], load("single")).advice
 
 
 def test_a_residual_as_large_as_the_noise_is_fine_however_large(bent):

@@ -64,4 +64,4 @@ def test_shifts_keep_to_their_record_and_joints(truth, double):
     assert not data.shifts[:2, :30].any()
     assert not data.shifts[:2, 60:].any()
     assert prepare([plain], double).shifts is None
-    np.testing.assert_array_equal(swapped.part(3, 9).shifts, swapped.shifts[:, 3:9])
+    np.testing.assert_array_equal(swapped[3:9].shifts, swapped.shifts[:, 3:9])

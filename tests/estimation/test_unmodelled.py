@@ -39,7 +39,7 @@ def test_random_accelerations_are_found_and_carried_on():
     single, bands, found = load("single"), [], []
     for seed in range(6):
         whole = record(single, TIMES, pushed(seed), noise=NOISE, seed=seed)
-        fit = identify(whole.part(0, 150), single)
+        fit = identify(whole[:150], single)
         assert fit.unmodelled is not None
         found.append(fit.unmodelled.density[0])
         future = predict(fit, times=TIMES[150:])

@@ -62,7 +62,7 @@ def test_without_a_belief_it_is_the_batch_fit(whole, started, rows):
 @pytest.mark.parametrize("row", [1, 7, 30])
 def test_rows_that_leave_stay_known(whole, rows, row):
     """What they say, at the optimum of all, makes that the optimum of the rest."""
-    later, there = whole.window.on(rows.part(row, len(rows))), ahead(whole, row)
+    later, there = whole.window.on(rows[row:]), ahead(whole, row)
     scale = np.sqrt(np.diag(there.covariance))
     x, state = whole.x + scale[: len(whole.x)], there.state - scale[len(whole.x) :]
     rest = refit(later, slid(whole, row), x, state, settings=EXACT)
@@ -79,11 +79,11 @@ def test_a_window_that_slides_frame_by_frame_ends_where_the_batch_fit_does(start
     fit = identify(rows, begun, IdentifySettings(torque="friction"))
     window = window_of(fit, begun, rows)
     batch = refit(window, None, *start_of(fit, window))
-    found = refit(window.on(rows.part(0, 40)), None, batch.x, batch.state)
+    found = refit(window.on(rows[:40]), None, batch.x, batch.state)
     evaluations = []
     for first in range(1, 21):
         arrival, state = slid(found, 1), ahead(found, 1).state
-        found = refit(window.on(rows.part(first, first + 40)), arrival, found.x, state)
+        found = refit(window.on(rows[first : first + 40]), arrival, found.x, state)
         evaluations.append(found.evaluations)
         assert found.converged
     last, now = ahead(batch, -1), ahead(found, -1)
@@ -98,7 +98,7 @@ def test_a_window_that_slides_frame_by_frame_ends_where_the_batch_fit_does(start
 def test_the_state_ahead_moves_as_its_derivatives_say(started, rows):
     free = started.with_choices(fix={"link1.length": 0.4}, free=["time_scale"])
     fit = identify(rows, free, IdentifySettings(torque="friction"))
-    window = window_of(fit, free, rows.part(0, 20))
+    window = window_of(fit, free, rows[:20])
     x, state = start_of(fit, window)
     *_, dq, dv = window.problem.tangents(window.problem.at(x), window.substeps, [(0, 20, plain(state))])
     exact, point = np.concatenate((dq[-1], dv[-1])), np.concatenate((x, state))

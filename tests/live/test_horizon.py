@@ -23,11 +23,11 @@ LONG, ALL = 180, 240
 def test_every_frame_ends_at_its_optimum() -> None:
     times, truth, started = np.arange(FRAMES) / 30.0, double_truth(), load("double").with_choices(fix=FIXED)
     rows = record(truth, times, motion(truth, times, [0.3, 0.5], [0.0, 1.0]))
-    first = rows.part(0, BEGUN)
+    first = rows[:BEGUN]
     fit = identify(first, started, IdentifySettings(torque="friction"))
     horizon = Horizon(fit, started, first, window=1.5, ahead=0.5)
     for k in range(BEGUN, FRAMES):
-        estimate = horizon.add(rows.part(k, k + 1))
+        estimate = horizon.add(rows[k : k + 1])
         assert estimate is not None
         assert estimate.found.converged
         # the last one proves it
@@ -45,11 +45,11 @@ def test_a_long_stretch_of_a_wild_motion_leaves_the_window_as_it_was_known(dampi
     truth, times = load("triple").with_values(values), np.arange(ALL) / 30.0
     rows = record(truth, times, motion(truth, times, [1.0, 1.5, 0.5], [0.0, 0.0, 0.0]), noise=5e-4)
     mechanism = load("triple")
-    fit = identify(rows.part(0, LONG), mechanism)
-    horizon = horizon_of(fit, mechanism, rows.part(0, LONG), LiveSettings())
+    fit = identify(rows[:LONG], mechanism)
+    horizon = horizon_of(fit, mechanism, rows[:LONG], LiveSettings())
     assert horizon is not None
     for k in range(LONG, ALL):
-        found = horizon.add(rows.part(k, k + 1))
+        found = horizon.add(rows[k : k + 1])
         assert found is not None, k
         assert not found.astray
     lengths = [f"link{number}.length" for number in (1, 2, 3)]

@@ -84,7 +84,7 @@ def test_the_window_knows_what_a_batch_fit_knows(session, steps):
     followed, _ = session
     ended = next(step for step in steps if step.time >= 10.0)
     poses = followed.identifier.record.whole
-    poses = poses.part(0, int(np.searchsorted(poses.time, ended.time)) + 1)
+    poses = poses[: int(np.searchsorted(poses.time, ended.time)) + 1]
     scene = followed.found.scene
     poses = scene.doubt.with_shifts(poses, np.zeros(2, dtype=bool))
     batch = monodyn.identify(poses, scene.mechanism)

@@ -303,7 +303,8 @@ def test_without_waitress_one_line_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "waitress", None)
     with refuses(
         SettingsError,
-        "view: expected the package waitress, it is not installed; pip install 'monodyn[live]'.",
+        "view: expected the package 'waitress', which is not installed; install it with pip install "
+        "'monodyn[live]'.",
     ):
         Server(None, Address(LOOPBACK, 0))
 

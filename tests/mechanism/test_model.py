@@ -298,3 +298,19 @@ def test_refusals_of_parameters(change, message: str) -> None:
     with pytest.raises(MechanismError) as caught:
         change(load("single"))
     assert str(caught.value) == message
+
+
+def test_a_mechanism_says_in_one_line_what_it_is() -> None:
+    assert repr(load("cartpole")) == (
+        "<Mechanism 'cartpole': slide (slide), joint1 (hinge); 10 of 36 parameters free>"
+    )
+    assert repr(load("chain:6")).startswith("<Mechanism 'chain:6': 6 joints; ")
+    single = load("single")
+    found = single._repr_html_()
+    assert ">link1.length</td>" in found
+    assert ">follows</td>" in found
+    # what is zero and held has no effect
+    assert "joint1.stiffness" not in found
+    listed = sum(p.free or p.value != 0.0 for p in single.parameters)
+    assert found.count("<tr>") == 1 + listed
+    assert f"{len(single.parameters) - listed} parameters of value 0 not listed." in found

@@ -106,8 +106,8 @@ def test_what_a_picture_was_taken_with_is_taken_into_account(tmp_path: Path) -> 
 @pytest.mark.slow
 def test_a_short_record_knows_no_more_than_is_assumed(tmp_path: Path) -> None:
     poses, _ = filmed(double_truth(), np.radians(1.0), tmp_path)
-    fit = identified(poses.part(0, 7))
-    free = identified(poses.part(0, 7), assumed=False)
+    fit = identified(poses[:7])
+    free = identified(poses[:7], assumed=False)
     assert fit.parameter(ROLL).std < 1.001 * ROLL_STD < free.parameter(ROLL).std
     assert (
         "The motion hardly determines camera.roll: the camera is taken to be level within 3 deg "

@@ -43,9 +43,7 @@ def test_unknowns_of_case_two(series, count):
 def test_too_few_samples(frames, settings, status):
     _, poses = fourier_truth(TIMES)
     start = load("double").with_torque("fourier", terms=1, period=1.0)
-    fit = identify_published(
-        [poses.part(0, frames)], start.with_choices(fix={"torque.period": 1.1}), settings
-    )
+    fit = identify_published([poses[:frames]], start.with_choices(fix={"torque.period": 1.1}), settings)
     assert fit.status == status
     assert not fit.ok
     assert fit.starts == ()

@@ -148,6 +148,6 @@ def test_a_part_of_the_poses_keeps_its_evaluations() -> None:
         ("a",), np.arange(4), np.arange(4.0), np.zeros((4, 1)), np.ones((4, 1, 1)), np.ones(4, dtype=bool),
         evaluations=np.array([5, 6, 7, 8]),
     )  # fmt: skip
-    part = poses.part(1, 3)
+    part = poses[1:3]
     assert part.frame.tolist() == [1, 2]
     assert part.evaluations.tolist() == [6, 7]

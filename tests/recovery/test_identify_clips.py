@@ -64,7 +64,7 @@ def test_forty_frames(name):
     scores, future_scores = [], []
     for seed in range(5):
         truth, start, poses, q = clip(name, seed)
-        fit = identify(poses.part(0, 40), start).check()
+        fit = identify(poses[:40], start).check()
         for estimate in fit.parameters:
             if estimate.name.endswith(".length"):
                 true = truth.values[estimate.name]

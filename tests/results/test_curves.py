@@ -51,7 +51,7 @@ def test_free_torques_are_drawn_at_the_fitted_frames_alone(torque: str, count: i
 
 
 def test_a_slide_is_shown_in_millimetres() -> None:
-    from monodyn.results.numbers import shown_in
+    from monodyn.numbers import shown_in
 
     assert [shown_in(joint) for joint in load("cartpole").joints] == [
         (1000.0, "mm"),

@@ -8,7 +8,8 @@ import pytest
 import monodyn
 from fits import identified
 from monodyn.errors import SettingsError
-from monodyn.estimation.fit import Doubt, Unmodelled
+from monodyn.estimation.fit import Doubt
+from monodyn.estimation.parts import Unmodelled
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import simulate
 from monodyn.results import experiment

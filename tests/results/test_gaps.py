@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monodyn.estimation.fit import Doubt, Unmodelled
+from monodyn.estimation.fit import Doubt
+from monodyn.estimation.parts import Unmodelled
 from monodyn.results.fill import fill
 from monodyn.results.findings import Findings
 from monodyn.results.gaps import Filled, filled, how_filled, unfollowed

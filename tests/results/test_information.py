@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monodyn.estimation.fit import Start, Unmodelled
+from monodyn.estimation.parts import Start, Unmodelled
 from monodyn.mechanism.simulate import transitions
 from monodyn.results.fill import carried_from, random_push
 from monodyn.results.information import (

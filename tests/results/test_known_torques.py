@@ -32,7 +32,7 @@ def record():
 def run(record, tmp_path_factory):
     folder = tmp_path_factory.mktemp("known")
     mechanism = started(DOUBLE, folder, 1.0)
-    fit = monodyn.identify(record.part(0, FITTED), mechanism)
+    fit = monodyn.identify(record[:FITTED], mechanism)
     assert fit.torque == "known"
     future = monodyn.predict(fit, times=np.concatenate((record.time[FITTED:], [2.6, 2.7, 3.2])))
     monodyn.report(fit, future, to=folder / "run", poses=record)
@@ -81,7 +81,7 @@ def test_each_record_has_its_own(record, tmp_path) -> None:
     mechanism = started(DOUBLE, tmp_path, 1.0)
     half = replace(record.torques, torque=0.5 * record.torques.torque)
     other, _ = simulated(DOUBLE, (-0.3, 0.5), 60, lambda time: np.array([0.5 * push(time), 0.0]), seed=1)
-    records = [record.part(0, FITTED), replace(other, torques=half)]
+    records = [record[:FITTED], replace(other, torques=half)]
     fit = monodyn.identify(records, mechanism)
     monodyn.report(fit, to=tmp_path / "run")
     back = monodyn.open_run(tmp_path / "run")

@@ -12,7 +12,8 @@ import pytest
 
 import monodyn
 from fits import made_fit
-from monodyn.estimation.fit import Combination, Estimate, Fit
+from monodyn.estimation.fit import Estimate, Fit
+from monodyn.estimation.parts import Combination
 from monodyn.mechanism import load, write_mjcf
 from monodyn.results.fill import fill
 from monodyn.results.filmed import filmed_of

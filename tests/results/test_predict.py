@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from monodyn.errors import SettingsError
+from monodyn.mechanism.steps import spacing
 from monodyn.results.fill import fill
-from monodyn.results.predict import evenly, predict, spacing
+from monodyn.results.predict import evenly, predict
 from support import refuses
 
 ALL = np.arange(120) / 30.0
@@ -44,3 +45,27 @@ def test_times_are_even_and_end_where_they_should():
     assert evenly(2.0, 2.0, 0.1).tolist() == [2.0]
     assert spacing(np.array([0.0, 0.1, 0.2, 0.9])) == pytest.approx(0.1)
     assert spacing(np.array([3.0])) == 0.05
+
+
+def test_a_prediction_is_a_table_too(fit):
+    pandas = pytest.importorskip("pandas")
+    future = predict(fit, until=3.0)
+    table = future.to_pandas()
+    assert list(table.columns) == [
+        "time", "joint1", "joint2", "joint1_vel", "joint2_vel", "joint1_std", "joint2_std",
+        "joint1_vel_std", "joint2_vel_std",
+    ]  # fmt: skip
+    pandas.testing.assert_series_equal(
+        table["joint2_vel"], pandas.Series(future.velocity[:, 1], name="joint2_vel")
+    )
+    pytest.importorskip("xarray")
+    found = future.to_xarray()
+    assert dict(found.sizes) == {"time": len(future), "joint": 2}
+    np.testing.assert_array_equal(found["std"].sel(joint="joint1"), future.std[:, 0])
+
+
+def test_a_prediction_says_in_one_line_what_it_is(fit):
+    future = predict(fit, until=3.0)
+    count, first = len(future), future.time[0]
+    assert repr(future) == f"<Prediction of joint1, joint2: {count} times, {first:.2f} to 3.00 s>"
+    assert future._repr_html_().count("<tr>") == 3

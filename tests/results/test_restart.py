@@ -10,7 +10,7 @@ import pytest
 import monodyn
 from fits import identified
 from monodyn.errors import SettingsError
-from monodyn.estimation.fit import Common, Unmodelled
+from monodyn.estimation.parts import Common, Unmodelled
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import simulate
 from monodyn.results.fill import fill

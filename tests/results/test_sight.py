@@ -11,13 +11,16 @@ import numpy as np
 import pytest
 
 from films import film
-from monodyn.results.sight import Sight, located_at, outlines_of, pose_row
+from monodyn.results.sight import Sight, outlines_of
 from monodyn.types import FULL, Frame, Mask, Poses
 from monodyn.vision.clip.steady import CameraPath
 from monodyn.vision.clip.video import read
+from monodyn.vision.drawing.shown import pose_row
 from monodyn.vision.foreground.masks import View
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.points.drift import Drift
+from monodyn.vision.points.scene import PointScene
+from monodyn.vision.points.tracks import PointTracks
 from scenes import SIZE, moved
 from support import ClipMaker
 
@@ -129,8 +132,8 @@ def test_frames_that_were_not_tracked_are_judged_where_they_were_located(filmed:
     judged = Sight(scene.masks.video, scene.masks, few).judged
     assert {one.frame.index for one in judged} <= {0, 30}
     assert [one.tracked for one in judged] == [False] * len(judged)
-    assert located_at(few, 16)[0] == 30
-    assert located_at(few, 14)[1] == pytest.approx(poses.position[0])
+    assert few.located(16)[0] == 30
+    assert few.located(14)[1] == pytest.approx(poses.position[0])
 
 
 def test_a_clip_without_masks_has_a_background_of_its_own(make_clip: ClipMaker) -> None:
@@ -147,7 +150,7 @@ def test_the_reason_does_not_name_the_clip(make_clip: ClipMaker) -> None:
 
 def test_rows_are_found_by_frame_number(filmed: tuple[Scene, Poses]) -> None:
     _, poses = filmed
-    part = poses.part(10, 20)
+    part = poses[10:20]
     assert [pose_row(part, frame) for frame in (9, 10, 19, 20)] == [None, 0, 9, None]
     hidden = replace(part, seen=np.arange(10) > 0)
     assert [pose_row(hidden, frame) for frame in (10, 11)] == [None, 1]
@@ -194,7 +197,20 @@ def test_outlines_are_drawn_where_a_moving_camera_saw_them() -> None:
 def test_outlines_are_drawn_where_tracked_points_say_that_the_camera_was() -> None:
     box = np.array([[10.0, 20.0], [30.0, 40.0]])
     drift = Drift(np.array([[1.0, 2.0], [3.0, 4.0]]), np.zeros(2), np.zeros(2))
-    points: Any = SimpleNamespace(drift=drift, tracks=SimpleNamespace(frame=np.array([4, 7])))
+    points: Any = object.__new__(PointScene)
+    vars(points).update(
+        drift=drift,
+        tracks=PointTracks(
+            Path("points.csv"),
+            (),
+            np.array([4, 7]),
+            np.array([0.0, 0.1]),
+            np.zeros((2, 0, 2)),
+            np.zeros((2, 0)),
+            64,
+            48,
+        ),
+    )
     sight = Sight(SimpleNamespace(), points=points)  # type: ignore[arg-type]
     for frame, shift in ((4, [1.0, 2.0]), (7, [3.0, 4.0]), (9, [3.0, 4.0])):
         assert np.allclose(sight.as_filmed(frame, [box])[0], box + shift)

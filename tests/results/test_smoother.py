@@ -14,7 +14,8 @@ import pytest
 from fits import identified, made_fit
 from monodyn import smooth
 from monodyn.errors import SettingsError, VideoError
-from monodyn.estimation.fit import Fit, Start, Unmodelled
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.parts import Start, Unmodelled
 from monodyn.mechanism import Mechanism, load, write_mjcf
 from monodyn.results import chain
 from monodyn.results.fill import fill

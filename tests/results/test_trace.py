@@ -10,7 +10,7 @@ import pytest
 
 from fits import TIME, made_fit, record
 from monodyn.errors import VideoError
-from monodyn.estimation.fit import Common
+from monodyn.estimation.parts import Common
 from monodyn.mechanism import load
 from monodyn.mechanism.upright import ROLL_STD
 from monodyn.results.predict import predict
@@ -114,7 +114,7 @@ def test_the_record_must_be_the_one_that_was_fitted() -> None:
     fit = made_fit()
     said = "poses: expected the record that was fitted, got other time stamps; pass the same record."
     with refuses(VideoError, said):
-        trace_of(fit, record(fit).part(5, 30))
+        trace_of(fit, record(fit)[5:30])
     assert trace_of(fit, record(fit)).rows == (0, 20)
 
 

@@ -63,14 +63,14 @@ def test_pictures_around_lost_ones_belong_to_their_stamps() -> None:
 
 def test_too_few_poses_keep_their_stamps() -> None:
     video = clip()
-    few = poses(video, video.repeats.times).part(0, 5)
+    few = poses(video, video.repeats.times)[:5]
     assert np.array_equal(at_true_times(few, video).time[:5], STAMPS[:5])
 
 
 def test_repeats_at_the_end_keep_their_rows() -> None:
     video = clip()
     last = max(video.repeats.frames)
-    put = at_true_times(poses(video, STAMPS).part(0, last), video)
+    put = at_true_times(poses(video, STAMPS)[:last], video)
     assert put.frame.tolist() == list(range(last + 1))
     assert not put.seen[-1]
     assert np.all(np.isnan(put.position[-1]))
@@ -98,5 +98,5 @@ def test_the_rounding_of_stamps_grows_with_the_rate() -> None:
 
 
 def test_a_single_pose_has_no_rate() -> None:
-    one = poses(clip(), STAMPS).part(0, 1)
+    one = poses(clip(), STAMPS)[:1]
     assert np.array_equal(with_time_noise(one, 1e-3).covariance, one.covariance)

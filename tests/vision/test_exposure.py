@@ -93,7 +93,7 @@ def test_a_shutter_has_a_row_for_every_picture() -> None:
     from monodyn.vision.locating.scene import Scene
 
     whole = Scene(scene.mechanism, CAMERA, scene.masks, 0, np.zeros(1), (0,), np.zeros((1, 1)), {}, 0.0, ())
-    shutter = with_shutter(whole, poses.part(0, 10), Exposure(0.05, 0.002), -0.01).shutter
+    shutter = with_shutter(whole, poses[:10], Exposure(0.05, 0.002), -0.01).shutter
     assert shutter is not None
     assert (shutter.exposure, shutter.std, shutter.readout) == (0.05, 0.002, -0.01)
     assert (shutter.position.shape, shutter.rate.shape) == ((10, 1), (10, 1))

@@ -180,4 +180,5 @@ def test_a_video_steadied_and_as_filmed(make_clip: ClipMaker) -> None:
     assert left_edges(steady) == [2, 2, 2]
     assert left_edges(steady.as_filmed) == [2, 3, 4, 5]
     assert left_edges(steady.within(0, 48, 0, 64)) == [2, 2, 2]
+    assert "The camera moves; frames are as one at rest shows them." in steady._repr_html_()
     assert video.within(0, 48, 0, 64) is video

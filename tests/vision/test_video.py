@@ -88,3 +88,10 @@ def test_a_clip_at_other_times_is_whole(make_clip: ClipMaker) -> None:
     assert len(list(timed.frames())) == 12
     assert np.allclose(timed.times[:4], [0.01, 0.04, 0.07, 0.1])
     assert np.allclose(video.times, np.arange(12) / 30)
+
+
+def test_a_clip_says_in_one_line_what_it_is(make_clip: ClipMaker) -> None:
+    video = read(make_clip())
+    assert repr(video) == "<Video clip.mp4: 64x48 px, 12 frames, 0.00 to 0.37 s, 30 Hz>"
+    video.remarks.append("One <frame> is missing.")
+    assert "One &lt;frame&gt; is missing." in video._repr_html_()

@@ -129,7 +129,7 @@ def _dispatch(words: list[str]) -> int:
     note = keep_compiled()
     if note and "--quiet" not in words:
         _fail(note)
-    from monodyn.cli.options import COMMANDS
+    from monodyn.cli.options import COMMANDS, CompletionOptions
     from monodyn.cli.parse import parsed
     from monodyn.names import known
 
@@ -139,9 +139,13 @@ def _dispatch(words: list[str]) -> int:
     options: Any = 0
     with printing():
         options = parsed(words[0], words[1:])
-    if isinstance(options, int):
-        return options
-    return options.go()
+        # the script has the options of all commands, of which no command knows
+        if isinstance(options, CompletionOptions):
+            from monodyn.cli.completion import completion
+
+            print(completion(options.shell), end="")
+            return 0
+    return options if isinstance(options, int) else options.go()
 
 
 MOST_LETTERS = 300

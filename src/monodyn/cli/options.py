@@ -216,13 +216,6 @@ class CompletionOptions:
 
     shell: Shell = field(metadata={"metavar": "bash|zsh|fish", "word": True})
 
-    def go(self) -> int:
-        """Return the exit code after running the command."""
-        from monodyn.cli.completion import completion
-
-        print(completion(self.shell), end="")
-        return 0
-
 
 @dataclass(frozen=True)
 class FileOptions:

@@ -94,9 +94,9 @@ def _print(found: Predicted, tolerance: Tolerance) -> None:
     import numpy as np
 
     from monodyn.cli.show import console, plain_table
+    from monodyn.numbers import shown_in
     from monodyn.results.curves import BAND
     from monodyn.results.horizon import horizon_said
-    from monodyn.results.numbers import shown_in
 
     states, joints = found.states, found.fit.mechanism.joints
     table = plain_table("time", *(f"{joint.name} [{shown_in(joint)[1]}]" for joint in joints))

@@ -267,25 +267,21 @@ def plain_table(*columns: str, left: int = 1) -> Table:
 
 
 def _parameters(rows: list[dict[str, Any]]) -> Table:
-    from monodyn.results.numbers import number
+    from monodyn.numbers import interval, number
 
     table = plain_table("parameter", "value", "95 % interval", "unit")
     for row in rows:
         std = row["std"]
-        known = row["identifiable"]
-        interval = (
-            f"{number(row['lower'], std)} to {number(row['upper'], std)}" if known else "not determined"
-        )
-        if row["at_bound"]:
-            interval = "at its bound"
-        elif not row["free"] and not known:
-            interval = "held"
-        table.add_row(row["name"], number(row["value"], std), interval, row["unit"])
+        within = interval(
+            row["lower"], row["upper"], std, free=row["free"], known=row["identifiable"],
+            at_bound=row["at_bound"],
+        )  # fmt: skip
+        table.add_row(row["name"], number(row["value"], std), within, row["unit"])
     return table
 
 
 def _combinations(rows: list[dict[str, Any]]) -> Table:
-    from monodyn.results.numbers import number, short
+    from monodyn.numbers import number, short
 
     table = plain_table("combination", "value", "standard deviation")
     for row in rows:
@@ -294,7 +290,7 @@ def _combinations(rows: list[dict[str, Any]]) -> Table:
 
 
 def _errors(outcome: Outcome) -> Table:
-    from monodyn.results.numbers import shown_in
+    from monodyn.numbers import shown_in
 
     fit, document = outcome.fit, outcome.document
     table = plain_table("joint", "fit rms", "prediction rms", "unit")

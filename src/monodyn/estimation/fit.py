@@ -1,24 +1,32 @@
-"""What an identification found: the nouns that `identify` returns."""
+"""What an identification found: the noun that `identify` returns, and its parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from monodyn.errors import FitError
+from monodyn.estimation.parts import Combination, Common, Start, TriedTorque, Unmodelled
+from monodyn.extras import extra
+from monodyn.markup import card, counted, sentences, table
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.assemble import following_slopes
 from monodyn.mechanism.drive import Drive
 from monodyn.mechanism.logged import logged
 from monodyn.mechanism.plan import OWNED_COLUMNS
+from monodyn.mechanism.steps import ERROR_BOUND, Steps, fine_stamps, spacing, steps_away
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.tree import Directions
 from monodyn.names import known
+from monodyn.numbers import interval, number
 from monodyn.types import TorqueLog
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 Grade = Literal["trusted", "approximate", "refused"]
 """How far a fit can be relied on: in full; for what its status says holds; not at all."""
@@ -70,97 +78,6 @@ class Estimate:
     free: bool
     identifiable: bool
     at_bound: bool
-
-
-@dataclass(frozen=True)
-class Combination:
-    """A function of several parameters that the motion fixes.
-
-    Attributes:
-        name: The expression.
-        value: Its value [SI].
-        std: Standard deviation [SI].
-        lower: Lower end of the 95 % interval [SI].
-        upper: Upper end [SI].
-        unit: Unit of all of them; empty for a plain number.
-    """
-
-    name: str
-    value: float
-    std: float
-    lower: float
-    upper: float
-    unit: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Start:
-    """State at the first fitted sample of a record.
-
-    Attributes:
-        time: Time stamp [s].
-        position: Joint positions [rad or m], (dof,).
-        velocity: Joint rates [rad/s or m/s], (dof,).
-        covariance: Covariance of positions, then rates, (2 dof, 2 dof); a part of that of the fit.
-    """
-
-    time: float
-    position: np.ndarray
-    velocity: np.ndarray
-    covariance: np.ndarray
-
-
-class TriedTorque(NamedTuple):
-    """One of the kinds of torque between which the evidence decided.
-
-    Attributes:
-        kind: What acts, in words.
-        chosen: Whether it is the one that was taken.
-        said: How well it follows the record, a sentence with its figures.
-    """
-
-    kind: str
-    chosen: bool
-    said: str
-
-
-class Unmodelled(NamedTuple):
-    """What a model lacks, as random accelerations.
-
-    Attributes:
-        density: Spectral density of each joint's random acceleration [rad^2/s^3 or m^2/s^3], (dof,).
-        off: Mean square of positions, then rates of the motion less the identified one [SI], (2 dof, 2 dof).
-    """
-
-    density: np.ndarray
-    off: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Common:
-    """Errors that the positions of a record have in common, as its motion shows them.
-
-    Attributes:
-        mean: How many deviations of each direction of `Poses.shifts` they are, (direction,).
-        covariance: Its covariance, (direction, direction); the identity where the motion shows nothing.
-    """
-
-    mean: np.ndarray
-    covariance: np.ndarray
-
-    @cached_property
-    def root(self) -> np.ndarray:
-        """One deviation of each independent direction that is left, (direction, direction)."""
-        values, vectors = np.linalg.eigh(self.covariance)
-        return vectors * np.sqrt(np.maximum(values, 0.0))
-
-    def of(self, directions: slice) -> Common:
-        """Return what is known of some of the directions.
-
-        Args:
-            directions: Which.
-        """
-        return Common(self.mean[directions], self.covariance[directions, directions])
 
 
 @dataclass(frozen=True, eq=False)
@@ -418,6 +335,80 @@ class Fit:
         if not self.ok:
             raise FitError(self.status)
         return self
+
+    def steps(self, start: Start, record: int, times: np.ndarray, error_bound: float = ERROR_BOUND) -> Steps:
+        """Return the steps in which the motion away from a start is integrated.
+
+        Args:
+            start: The start.
+            record: Which record's torques act.
+            times: Time stamps [s], (frame,), that rise or fall from the start.
+            error_bound: Largest integration error that is aimed at [rad or m].
+        """
+        stamps, rows = fine_stamps(start.time, times, spacing(self.time[record]))
+        driven = self.driven(stamps, record)
+        return steps_away(self.mechanism, (start.position, start.velocity), stamps, rows, driven, error_bound)
+
+    def plot(self, record: int = 0) -> np.ndarray:
+        """Draw the fitted frames of a record and their motion under the fit (needs monodyn[plots]).
+
+        Args:
+            record: Which record.
+
+        Returns:
+            Axes of matplotlib: the motion of each joint, and below it what was measured less what the fit
+            makes of it, (dof, 2).
+
+        Raises:
+            FitError: Nothing was identified, or there is no such record.
+
+        Example:
+            ``fit.plot()[0, 0].figure.savefig("fit.png")``
+        """
+        from monodyn.estimation.plot import plot_motion
+        from monodyn.mechanism.simulate import rollout
+
+        if not 0 <= record < len(self.starts):
+            raise FitError(f"plot: expected one of {len(self.starts)} fitted records, got {record}.")
+        start, time = self.starts[record], self.time[record]
+        _, rows, clock, drive, substeps = self.steps(start, record, time)
+        state = (start.position, start.velocity)
+        motion = rollout(self.mechanism.tree, clock, *state, substeps=substeps, drive=drive)[0][rows]
+        # one that was read back from a run folder has none
+        residual = self.residual[record] if self.residual else np.full(motion.shape, np.nan)
+        return plot_motion(self.mechanism.joints, time, motion, residual, title=repr(self).strip("<>"))
+
+    def to_pandas(self) -> DataFrame:
+        """Return the parameters as a table of pandas (needs monodyn[tables]).
+
+        Returns:
+            One row a parameter, by name: ``value``, ``std``, ``lower`` and ``upper`` end of the 95 %
+            interval, ``unit``, ``free``, ``identifiable``, ``at_bound``.
+        """
+        pandas = extra("to_pandas", "pandas", "tables")
+        return pandas.DataFrame([asdict(one) for one in self.parameters]).set_index("name")
+
+    def __repr__(self) -> str:
+        frames = counted(sum(len(stamps) for stamps in self.time), "frame")
+        parameters = counted(len(self.shared), "parameter")
+        records = f" of {counted(len(self.time), 'record')}" if len(self.time) > 1 else ""
+        return f"<Fit of {self.mechanism.name!r}: {self.grade}, {parameters} from {frames}{records}>"
+
+    def _repr_html_(self) -> str:
+        """Return the fit as HTML, for notebooks: what came of it, and what was estimated."""
+        torques = {p.name for p in self.mechanism.parameters if p.kind == "torque"}
+        rows = []
+        for p in self.parameters:
+            if p.free and p.name not in torques:
+                within = interval(
+                    p.lower, p.upper, p.std, free=True, known=p.identifiable, at_bound=p.at_bound
+                )
+                rows.append([p.name, number(p.value, p.std), within, p.unit])
+        shown = table(("parameter", "value", "95 % interval", "unit"), rows, words=("unit",))
+        ratios = [[c.name, number(c.value, c.std), f"{c.std:.2g}", c.unit] for c in self.combinations]
+        if ratios:
+            shown += table(("combination", "value", "std", "unit"), ratios, words=("unit",))
+        return card(repr(self), sentences([self.status]), shown, sentences(self.advice))
 
     def parameter(self, name: str) -> Estimate:
         """Return one parameter by name.

@@ -114,14 +114,14 @@ def _beginning(
     measured = np.flatnonzero(poses.measured.any(axis=1))
     first, count = int(measured[0]), len(measured) // 2
     while count >= SHORTEST_BEGINNING:
-        part = poses.part(first, int(measured[count]))
+        part = poses[first : int(measured[count])]
         fit = _identified((part,), mechanism, quick, None)
         # a record that states much noise is met by many fits: to advise one it has to explain the motion
         if fit.ok and explained(part, fit):
             # A wrong mechanism, or one in a wrong place, follows any short motion with parameters of its own:
             # what holds over the beginning also holds over each half of it.
             middle = int(np.searchsorted(part.frame, poses.frame[measured[count // 2]]))
-            halves = (part.part(0, middle), part.part(middle, len(part)))
+            halves = (part[:middle], part[middle:])
             fits = [_identified((half,), mechanism, quick, None) for half in halves]
             apart = disagreeing(*fits) if all(half.ok for half in fits) else []
             if apart:

@@ -25,7 +25,8 @@ import numpy as np
 
 from monodyn.errors import FitError
 from monodyn.estimation.arrival import Arrival, symmetric
-from monodyn.estimation.fit import Common, Fit
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.parts import Common
 from monodyn.estimation.record.samples import Data, Pieces, prepare
 from monodyn.estimation.shooting.instance import Instance
 from monodyn.estimation.shooting.problem import Problem, posed
@@ -276,11 +277,11 @@ def refit(
 
     Example::
 
-        window = window_of(fit, scene.mechanism, poses.part(0, 40))
+        window = window_of(fit, scene.mechanism, poses[:40])
         found = refit(window, None, *start_of(fit, window))
         # the next frame: the first row leaves, one comes
         arrival, state = slid(found, 1), ahead(found, 1).state
-        found = refit(window.on(poses.part(1, 41)), arrival, found.x, state)
+        found = refit(window.on(poses[1:41]), arrival, found.x, state)
         now = ahead(found, -1)  # state at the last row, with the covariance of a prediction from there
     """
     problem, begun = window.problem, _trial(window, x, state)

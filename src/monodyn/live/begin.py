@@ -218,7 +218,7 @@ def search(frames: Sequence[Frame], name: str, mechanism: Mechanism, settings: R
     fix, free = camera_choices(settings)
     scene = locate(masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free)
     poses, span = track_freely(scene.masks, scene, settings.track)
-    part = poses.part(*np.searchsorted(poses.frame, span[:2]))
+    part = poses[slice(*np.searchsorted(poses.frame, span[:2]))]
     sight = Sight(video, masks=masks, scene=scene, poses=poses, fit_frames=span[:2], free_frames=span[:2])
     fit = identify(part, scene.mechanism, settings.identify)
     if why := doubtful_sight(sight, part):

@@ -19,7 +19,8 @@ import numpy as np
 
 from monodyn.errors import MonodynError
 from monodyn.estimation.arrival import Arrival
-from monodyn.estimation.fit import Doubt, Fit, Grade, Start
+from monodyn.estimation.fit import Doubt, Fit, Grade
+from monodyn.estimation.parts import Start
 from monodyn.estimation.record.samples import Pieces
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.verdict.uncertainty import noise_factors
@@ -236,7 +237,7 @@ class Horizon:
         estimate = self._estimated(self._found)
         if estimate is None or estimate.astray:
             # its last rows are of another motion: what came before them stays known of the mechanism
-            self._rows, self._found = self._rows.part(0, 0), None
+            self._rows, self._found = self._rows[:0], None
             self._arrival = None if self._arrival is None else self._arrival.broken_off(len(state) // 2)
             return estimate
         self._x, self._state = self._found.x, self._found.state
@@ -266,7 +267,7 @@ class Horizon:
         if self._found is not None and len(self._rows) > 1:
             last = len(self._found.window.times) - 1
             self._arrival = slid(self._found, last).broken_off(len(self._state) // 2)
-        self._found, self._rows = None, self._rows.part(0, 0)
+        self._found, self._rows = None, self._rows[:0]
 
     def _with(self, poses: Poses) -> Window:
         """Return the window with rows, and with what acted meanwhile."""
@@ -296,7 +297,7 @@ class Horizon:
             return False
         row = int(np.searchsorted(found.window.times, rows.time[stays]))
         self._arrival = self._aged(slid(found, row), float(rows.time[stays] - rows.time[0]))
-        self._state, self._rows = ahead(found, row).state, rows.part(stays, len(rows))
+        self._state, self._rows = ahead(found, row).state, rows[stays:]
         return stays < old
 
     def _followed(self, found: Refitted) -> int:
@@ -350,7 +351,7 @@ class Horizon:
         slopes = np.concatenate((dq, dv), axis=1)
         variance = np.einsum("fip,pr,fir->fi", slopes, now.covariance, slopes, optimize=True)
         std, dofs = np.sqrt(np.maximum(variance, 0.0)), q.shape[1]
-        return Prediction(times, q, v, std[:, :dofs], std[:, dofs:])
+        return Prediction(self._rows.joints, times, q, v, std[:, :dofs], std[:, dofs:])
 
 
 def horizon_of(
@@ -401,5 +402,5 @@ def _measured(poses: Poses) -> Poses:
     """Return the rows in which any joint was measured."""
     rows = np.flatnonzero(poses.measured.any(axis=1))
     if len(rows) in (0, len(poses)):
-        return poses.part(0, len(rows))
-    return joined([poses.part(k, k + 1) for k in rows.tolist()])
+        return poses[: len(rows)]
+    return joined([poses[k : k + 1] for k in rows.tolist()])

@@ -33,7 +33,7 @@ class Record:
         self._kind = poses
         joints = poses.measured
         for row in range(len(poses)):
-            self._recent.append(poses.part(row, row + 1))
+            self._recent.append(poses[row : row + 1])
             for part in (poses.frame[row], poses.time[row], joints[row], poses.position[row]):
                 self._numbers.extend(np.ravel(part).astype(float))
             self._numbers.extend(np.ravel(poses.covariance[row]))

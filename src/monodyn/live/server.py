@@ -10,6 +10,7 @@ import threading
 from typing import Any, NamedTuple
 
 from monodyn.errors import SettingsError
+from monodyn.extras import extra
 
 LOOPBACK = "127.0.0.1"
 """Where is served unless another host is named: no other machine gets there."""
@@ -79,13 +80,8 @@ class Server:
     """
 
     def __init__(self, application: Any, address: Address) -> None:
-        try:
-            from waitress import wasyncore
-            from waitress.server import create_server
-        except ImportError:
-            raise SettingsError(
-                "view: expected the package waitress, it is not installed; pip install 'monodyn[live]'."
-            ) from None
+        wasyncore = extra("view", "waitress.wasyncore", "live")
+        create_server = extra("view", "waitress.server", "live").create_server
         self._sockets: dict[int, Any] = {}
         try:
             listening = _listening(address)

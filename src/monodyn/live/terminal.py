@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
 from monodyn.live.document import hardly_known, shown_pose
 from monodyn.live.meter import Meter, Pace, Spread
 from monodyn.live.step import Step
+from monodyn.numbers import number, shown_in
 from monodyn.results.findings import listed_rows
-from monodyn.results.numbers import number, shown_in
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

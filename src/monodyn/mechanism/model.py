@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.errors import MechanismError
+from monodyn.markup import brief, card, counted, sentences, table
 from monodyn.mechanism.assemble import derivatives, settled, shapes_of, tree_of
 from monodyn.mechanism.parts import Joint, Parameter
 from monodyn.mechanism.plan import OWNED_COLUMNS, Plan
 from monodyn.mechanism.torques import LAG, TorqueParameters, common_names, make_torques
 from monodyn.mechanism.tree import Directions, Measured, Shapes, Tree
 from monodyn.names import known
+from monodyn.numbers import number
 
 if TYPE_CHECKING:
     from monodyn.mechanism.drive import Drive
@@ -379,6 +381,22 @@ class Mechanism:
         place = np.full(len(self.numbers), -1, dtype=np.int64)
         place[[self.row(name) for name in names]] = np.arange(len(names))
         return place[self.torques.rows]
+
+    def __repr__(self) -> str:
+        names = brief([f"{joint.name} ({joint.kind})" for joint in self.joints], "joints")
+        return f"<Mechanism {self.name!r}: {names}; {self.free.sum()} of {len(self.free)} parameters free>"
+
+    def _repr_html_(self) -> str:
+        """Return the mechanism as HTML, for notebooks: its parameters, but for those without effect."""
+        shown = [p for p in self.parameters if p.free or p.value != 0.0]
+        rows = [
+            [p.name, number(p.value), p.unit, "free" if p.free else "follows" if p.follows else "held"]
+            for p in shown
+        ]
+        more = len(self.parameters) - len(shown)
+        rest = [f"{counted(more, 'parameter')} of value 0 not listed."] if more else []
+        parameters = table(("parameter", "value", "unit", ""), rows, words=("unit", ""))
+        return card(repr(self), parameters, sentences(rest))
 
     def _parameter(self, row: int) -> Parameter:
         """Return the parameter of a row."""

@@ -51,7 +51,7 @@ CAMERA_ROUNDS = 3
 """Rounds of depth and place behind a known pose: the place shifts with the depth."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PaperScene(Scene):
     """A scene found by drawing silhouettes; ``rms_px`` is the mismatch by length of the outline.
 

@@ -8,7 +8,8 @@ hinge could come back a whole turn off; the first frame after a long gap counts 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -92,7 +93,7 @@ class MotionState:
         return replace(self.unconfirmed, lost=self.unconfirmed.lost + 2)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PaperPoses(Poses):
     """Poses that were found by drawing silhouettes.
 
@@ -109,16 +110,9 @@ class PaperPoses(Poses):
         )
         object.__setattr__(self, "evaluations", counts)
 
-    def part(self, first: int, stop: int) -> PaperPoses:
-        """Return rows ``first`` to ``stop - 1``.
-
-        Args:
-            first: First row.
-            stop: Row after the last one.
-        """
-        rows = super().part(first, stop)
-        shared = {part.name: getattr(rows, part.name) for part in fields(Poses)}
-        return PaperPoses(**shared, evaluations=self.evaluations[first:stop])
+    def _cut(self, rows: slice) -> dict[str, Any]:
+        """Return the fields that have rows, cut."""
+        return super()._cut(rows) | {"evaluations": self.evaluations[rows]}
 
 
 @dataclass(frozen=True, eq=False)

@@ -124,7 +124,7 @@ def run_case(plan: FitPlan, seen: Seen, truth: Truth | None, design: Design) -> 
         poses = slides_scaled(seen.poses, mechanism, start_scale(plan.start, design.seed))
         seen = replace(seen, poses=poses)
         # the fitted frames alone, also for the period of Case II: what is predicted was not seen
-        fit = identify(poses.part(0, plan.frames), mechanism, identify_settings(plan, design))
+        fit = identify(poses[: plan.frames], mechanism, identify_settings(plan, design))
         seconds = time.perf_counter() - began
         if not fit.starts:
             return Case(plan, fit.status, fit, seconds=seconds)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from monodyn.mechanism import Joint
-from monodyn.results.numbers import shown_in
+from monodyn.numbers import shown_in
 
 SIGNS = {"deg": "°", "mm": " mm"}
 """How a unit is written after a number."""

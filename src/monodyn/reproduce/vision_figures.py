@@ -85,7 +85,7 @@ def filtered_states(seen: Seen, design: Design, compared: str) -> Filtered:
         compared: A key of ``plans.FILTERED``.
     """
     assert seen.poses is not None
-    poses = seen.poses.part(0, design.frames)
+    poses = seen.poses[: design.frames]
     position = np.where(poses.measured, poses.position, np.nan)
     return filtered(poses.time, position, Gains.of(design.gains, FILTERED[compared]))
 

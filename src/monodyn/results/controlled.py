@@ -12,6 +12,7 @@ import numpy as np
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
+from monodyn.numbers import shown_in
 from monodyn.results.caveats import draws_said, seldom, turned, undrawn
 from monodyn.results.closed import ClosedLoop, closed_loop
 from monodyn.results.curves import loop_curves
@@ -21,7 +22,6 @@ from monodyn.results.linear import by_joint
 from monodyn.results.loop_film import write_loop
 from monodyn.results.masses import mass_scale
 from monodyn.results.models import write_controlled
-from monodyn.results.numbers import shown_in
 from monodyn.results.opened import open_run
 from monodyn.results.push import Push, let_go
 from monodyn.results.regulator import RATE, Allowed, Regulator, lqr

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monodyn.results.numbers import shown_in
+from monodyn.numbers import shown_in
 from monodyn.results.trace import Trace
 
 if TYPE_CHECKING:

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.fit import Fit, Start
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.parts import Start
 from monodyn.estimation.wording import listed, percent
 from monodyn.results.fill import carried_from
 from monodyn.results.information import (

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import SettingsError
-from monodyn.estimation.fit import Fit, Start
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.parts import Start
+from monodyn.extras import extra
+from monodyn.markup import brief, card, counted, stretch, table
 from monodyn.mechanism.drive import Drive
+from monodyn.mechanism.steps import ERROR_BOUND
+from monodyn.numbers import number, short
 
-ERROR_BOUND = 1e-6
-"""Largest integration error that is aimed at [rad or m]."""
-MOST_FILL_SUBSTEPS = 64
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +27,7 @@ class States:
     """Motion under the identified dynamics.
 
     Attributes:
+        joints: Joint names, in the order of the dof axis.
         time: Time stamps [s], (frame,).
         position: Joint positions [rad or m], (frame, dof).
         velocity: Joint rates [rad/s or m/s], (frame, dof).
@@ -28,6 +35,7 @@ class States:
         velocity_std: Standard deviation of the rates, likewise [rad/s or m/s], (frame, dof).
     """
 
+    joints: tuple[str, ...]
     time: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
@@ -35,10 +43,55 @@ class States:
     velocity_std: np.ndarray
 
     def __post_init__(self) -> None:
-        frames, dofs = np.shape(self.position)
+        frames, dofs = len(self.time), len(self.joints)
         object.__setattr__(self, "time", frozen("States.time", self.time, (frames,)))
         for name in ("position", "velocity", "std", "velocity_std"):
             object.__setattr__(self, name, frozen(f"States.{name}", getattr(self, name), (frames, dofs)))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return the motion as columns of ``states.csv`` by name, each (frame,)."""
+        ends = {"": self.position, "_vel": self.velocity, "_std": self.std, "_vel_std": self.velocity_std}
+        found = {"time": self.time}
+        for end, values in ends.items():
+            found |= {f"{name}{end}": values[:, dof] for dof, name in enumerate(self.joints)}
+        return found
+
+    def to_pandas(self) -> DataFrame:
+        """Return the motion as a table of pandas, with the columns of ``states.csv`` (needs monodyn[tables]).
+
+        Returns:
+            One row a time: ``time`` [s], and by joint the position [rad or m], ``_vel`` [rad/s or m/s], and
+            their standard deviations ``_std`` and ``_vel_std``.
+        """
+        return extra("to_pandas", "pandas", "tables").DataFrame(self.columns())
+
+    def to_xarray(self) -> Dataset:
+        """Return the motion as a data set of xarray (needs monodyn[tables]).
+
+        Returns:
+            ``position``, ``velocity``, ``std`` and ``velocity_std`` by ``time`` and ``joint``.
+        """
+        names = ("position", "velocity", "std", "velocity_std")
+        data = {name: (("time", "joint"), getattr(self, name)) for name in names}
+        places = {"time": self.time, "joint": list(self.joints)}
+        return extra("to_xarray", "xarray", "tables").Dataset(data, places)
+
+    def __repr__(self) -> str:
+        times = counted(len(self), "time")
+        name, joints = type(self).__name__, brief(self.joints, "joints")
+        return f"<{name} of {joints}: {times}, {stretch(self.time.tolist())}>"
+
+    def _repr_html_(self) -> str:
+        """Return the motion as HTML, for notebooks: where it begins and ends."""
+        rows = []
+        for dof, name in enumerate(self.joints if len(self) else ()):
+            ends = [(self.position[k, dof], self.std[k, dof]) for k in (0, -1)]
+            rows.append([name, *(text for value, std in ends for text in (number(value, std), short(std)))])
+        columns = ("joint [rad or m]", "first", "std", "last", "std")
+        return card(repr(self), table(columns, rows))
 
 
 def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
@@ -74,7 +127,8 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     for rows in (before, after):
         if len(rows):
             motion[rows], std[rows] = _one_way(fit, start, record, times[rows])
-    return States(times, motion[:, :dofs], motion[:, dofs:], std[:, :dofs], std[:, dofs:])
+    joints = tuple(joint.name for joint in fit.mechanism.joints)
+    return States(joints, times, motion[:, :dofs], motion[:, dofs:], std[:, :dofs], std[:, dofs:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,21 +184,10 @@ def carried_from(
     Returns:
         The motion, with its derivatives.
     """
-    from monodyn.mechanism.simulate import accelerations, least_substeps, rollout, rollout_derivatives
+    from monodyn.mechanism.simulate import accelerations, rollout_derivatives
 
-    mechanism = fit.mechanism
-    tree, stretch = mechanism.tree, mechanism.values["time_scale"]
-    usual = float(np.median(np.diff(fit.time[record]))) if len(fit.time[record]) > 1 else 0.05
-    stamps, rows = fine_stamps(start.time, times, usual)
-    drive, least = fit.driven(stamps, record)
-    # a clip k times slower than life has time_scale 1/k: dynamics and drive run on the stretched clock
-    clock = stamps * stretch
-    state = (start.position, start.velocity)
-
-    def positions(substeps: int) -> np.ndarray:
-        return rollout(tree, clock, *state, substeps=substeps, drive=drive)[0]
-
-    substeps, _ = least_substeps(positions, error_bound, MOST_FILL_SUBSTEPS, least)
+    tree, state = fit.mechanism.tree, (start.position, start.velocity)
+    stamps, rows, clock, drive, substeps = fit.steps(start, record, times, error_bound)
     q, v, dq, dv = rollout_derivatives(tree, fit.directions(), clock, *state, substeps=substeps, drive=drive)
     # of a function of the stretched clock the slope in the stretch is the rate times the time since
     if "time_scale" in fit.shared:
@@ -206,22 +249,3 @@ def random_push(density: np.ndarray, seconds: float) -> np.ndarray:
     h = abs(seconds)
     both = 0.5 * h * seconds
     return np.kron([[h**3 / 3.0, both], [both, h]], np.diag(density))
-
-
-def fine_stamps(first: float, times: np.ndarray, usual: float) -> tuple[np.ndarray, np.ndarray]:
-    """Put the start before ``times`` and stamps into gaps over twice the usual step.
-
-    Args:
-        first: Time stamp of the start [s].
-        times: Time stamps [s], (frame,), rising or falling away from it.
-        usual: The usual step [s].
-
-    Returns:
-        All stamps, and which of them are ``times``, int (frame,).
-    """
-    # substeps are chosen for the usual step; a gap (frames that did not decode) is cut into such steps
-    stamps = times if times[0] == first else np.concatenate(([first], times))
-    parts = np.maximum(np.ceil(np.abs(np.diff(stamps)) / (2.0 * usual) - 1e-9), 1.0).astype(int)
-    at = np.concatenate(([0], np.cumsum(parts)))
-    filled = np.interp(np.arange(at[-1] + 1), at, stamps)
-    return filled, at[len(stamps) - len(times) :]

@@ -22,7 +22,8 @@ from monodyn.results.trace import Trace
 from monodyn.types import Poses
 
 if TYPE_CHECKING:
-    from monodyn.estimation.fit import Estimate, Fit, Start
+    from monodyn.estimation.fit import Estimate, Fit
+    from monodyn.estimation.parts import Start
     from monodyn.mechanism import Mechanism
     from monodyn.results.fill import States
 

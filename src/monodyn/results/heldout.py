@@ -111,7 +111,7 @@ def held_out(fit: Fit, trace: Trace) -> HeldOut | None:
 def _ranges(fit: Fit, trace: Trace) -> np.ndarray:
     """Return the range of each joint in the fitted rows [rad or m], of a hinge at most a turn, (dof,);
     infinite where it was not measured."""
-    fitted = trace.poses.part(*trace.rows)
+    fitted = trace.poses[slice(*trace.rows)]
     position, known = np.where(fitted.measured, fitted.position, np.nan), fitted.measured.any(axis=0)
     ranges = np.full(len(trace.poses.joints), np.inf)
     ranges[known] = np.nanmax(position[:, known], axis=0) - np.nanmin(position[:, known], axis=0)

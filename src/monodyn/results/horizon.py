@@ -10,9 +10,9 @@ from monodyn.choices import Tolerance
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.wording import amount, listed
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.steps import spacing
 from monodyn.results.curves import BAND
 from monodyn.results.fill import fill
-from monodyn.results.predict import spacing
 from monodyn.results.trace import Trace
 
 FARTHEST = 60.0

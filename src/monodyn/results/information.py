@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.estimation.fit import Combination, Estimate, Fit
+from monodyn.estimation.fit import Estimate, Fit
+from monodyn.estimation.parts import Combination
 from monodyn.estimation.verdict.combinations import inertial_ratios, inertial_values
 from monodyn.estimation.verdict.unmodelled import Wander
 from monodyn.mechanism.simulate import transitions

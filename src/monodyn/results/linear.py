@@ -6,7 +6,6 @@ simulator, and what is not known of the parameters is carried into every entry t
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +16,7 @@ from monodyn.arrays import frozen
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.wording import listed
+from monodyn.extras import extra
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
 from monodyn.mechanism.tree import FRICTION, Directions, Tree
@@ -272,21 +272,6 @@ def state_matrices(
     return a, b, at[0]
 
 
-def import_control() -> Any:
-    """Return the package ``control``.
-
-    Raises:
-        SettingsError: It is not installed.
-    """
-    try:
-        return importlib.import_module("control")
-    except ImportError:
-        raise SettingsError(
-            "control: expected the package 'control', which is not installed; install it with "
-            "pip install 'monodyn[control]'."
-        ) from None
-
-
 def _response(tree: Tree, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the accelerations without motors (dof,) and the inverse of the inertia matrix (dof, dof)."""
     n = len(q)
@@ -328,7 +313,7 @@ def _named(mechanism: Mechanism, names: tuple[str, ...], a: np.ndarray, b: np.nd
     """Return the system with its names."""
     joints = [joint.name for joint in mechanism.joints]
     states = [*joints, *(f"{name}_vel" for name in joints)]
-    return import_control().StateSpace(
+    return extra("control", "control", "control").StateSpace(
         a, b, np.eye(len(a)), np.zeros(b.shape), states=states, outputs=states,
         inputs=[f"{name}_torque" for name in names], name=mechanism.name or "mechanism",
     )  # fmt: skip

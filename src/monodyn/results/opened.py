@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.fit import Combination, Doubt, Estimate, Fit, Start, TriedTorque, Unmodelled
+from monodyn.estimation.fit import Doubt, Estimate, Fit
+from monodyn.estimation.parts import Combination, Start, TriedTorque, Unmodelled
 from monodyn.estimation.shooting.unknowns import SEEN_ONLY, assumed_sizes
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Measured, Mechanism, load

@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monodyn.results.sight import Sight, located_at, outlines_of, pose_row
+from monodyn.results.sight import Sight, outlines_of
 from monodyn.types import FULL, Camera, Frame, Poses, Progress
 from monodyn.vision.clip.ahead import made_ahead
+from monodyn.vision.clip.colour import split, stacked
 from monodyn.vision.clip.steady import displaced
+from monodyn.vision.drawing.shown import pose_row
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
@@ -172,7 +174,7 @@ class DrawnSearch:
         caption = f"{frame.time:.2f} s  {sight.stage}"
         if sight.scene is None:
             return Drawing([], caption, sight.reason, tint)
-        key, position = located_at(sight.scene, frame.index)
+        key, position = sight.scene.located(frame.index)
         outlines = outlines_of(sight.scene.mechanism, sight.scene.camera, position)
         outlines = sight.as_filmed(frame.index, outlines)
         return Drawing(
@@ -320,17 +322,9 @@ def draw(frame: Frame, drawing: Drawing) -> np.ndarray:
     """
     import cv2
 
-    height, width = (n + n % 2 for n in frame.luma.shape)
-    planes = np.empty((height * 3 // 2, width), np.uint8)
-    luma = planes[:height]
-    blue, red = planes[height:].reshape(2, height // 2, width // 2)
-    _copy_plane(luma, frame.luma)
-    for target, plane in zip((blue, red), frame.chroma or (), strict=False):
-        _copy_plane(target, plane)
-    # 128 is no colour
-    if frame.chroma is None:
-        planes[height:] = 128
-    scale = height / 480.0
+    planes = stacked(frame)
+    luma, blue, red = split(planes)
+    scale = len(luma) / 480.0
     if drawing.tint is not None:
         _tint((luma, blue, red), drawing.tint)
     # OpenCV takes fixed-point vertices: 4 fractional bits are sixteenths of a pixel; the chroma planes have
@@ -359,14 +353,6 @@ def _tint(planes: tuple[np.ndarray, np.ndarray, np.ndarray], coverage: np.ndarra
         share = np.minimum(share, FULL).astype(np.float32) * (TINTED / FULL)
         part = plane[: share.shape[0], : share.shape[1]]
         part[:] = (part + share * (np.float32(value) - part)).astype(np.uint8)
-
-
-def _copy_plane(target: np.ndarray, plane: np.ndarray) -> None:
-    """Copy a plane and repeat its last row and column where the target is larger."""
-    rows, columns = min(target.shape[0], plane.shape[0]), min(target.shape[1], plane.shape[1])
-    target[:rows, :columns] = plane[:rows, :columns]
-    target[rows:, :columns] = target[rows - 1, :columns]
-    target[:, columns:] = target[:, columns - 1 : columns]
 
 
 def _write_captions(luma: np.ndarray, drawing: Drawing, scale: float) -> None:

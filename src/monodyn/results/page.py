@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monodyn.mechanism.tree import BRAKES
+from monodyn.numbers import number, short, shown_in
 from monodyn.results.curves import camera_curves, motion_curves, torque_curves
 from monodyn.results.findings import Findings, frames_of, listed_rows, openness
 from monodyn.results.gaps import how_filled
 from monodyn.results.horizon import Horizon, allowed, horizon_said, lasts
 from monodyn.results.next_steps import next_steps
-from monodyn.results.numbers import number, short, shown_in
 
 if TYPE_CHECKING:
     from jinja2 import Template

@@ -15,17 +15,18 @@ from monodyn.estimation.fit import Fit
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dimensions import MASS_KINDS
+from monodyn.mechanism.steps import spacing
 from monodyn.mechanism.tree import INERTIA, MASS
+from monodyn.numbers import shown_in
 from monodyn.results.curves import BAND, state_curves
 from monodyn.results.export import json_text, motion_table
 from monodyn.results.fill import States, fill
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.horizon import Horizon, allowed, horizon, horizon_said, lasts
 from monodyn.results.masses import mass_scale
-from monodyn.results.numbers import shown_in
 from monodyn.results.opened import clip_of, filmed_by, is_other_clip, open_run
 from monodyn.results.overlay import PREDICTED, Drawing, write_overlay
-from monodyn.results.predict import evenly, spacing
+from monodyn.results.predict import evenly
 from monodyn.results.restart import acting, restart
 from monodyn.results.sequel import Sequel, notes_of, sequel_text
 from monodyn.results.sight import outlines_of

@@ -15,6 +15,7 @@ import numpy as np
 from monodyn.arrays import frozen
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
+from monodyn.extras import extra
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import SLIDE
 from monodyn.names import quoted
@@ -23,7 +24,6 @@ from monodyn.results.linear import (
     Linearization,
     State,
     by_joint,
-    import_control,
     inertia,
     linearize,
     motors,
@@ -321,7 +321,9 @@ def _solved(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return gain and cost of a system in discrete time."""
     try:
-        gain, cost, poles = import_control().dlqr(a, b, q_weight, r_weight, method="scipy")
+        gain, cost, poles = extra("control", "control", "control").dlqr(
+            a, b, q_weight, r_weight, method="scipy"
+        )
     except (np.linalg.LinAlgError, ValueError):
         poles = np.array([np.inf])
     if not np.all(np.abs(poles) < 1.0 - STEERED):

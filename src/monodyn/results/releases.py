@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.estimation.fit import Fit, Start
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.parts import Start
 from monodyn.mechanism.simulate import energy, rollout_derivatives
 from monodyn.mechanism.tree import HINGE, STIFFNESS, Directions
 from monodyn.optimize import DirectSettings, powell

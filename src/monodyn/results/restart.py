@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.fit import Fit, Start
+from monodyn.estimation.fit import Fit
+from monodyn.estimation.parts import Start
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives

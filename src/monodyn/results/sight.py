@@ -19,12 +19,14 @@ from monodyn.types import FULL, Camera, Frame, Poses
 from monodyn.vision.clip.steady import displaced
 from monodyn.vision.clip.video import Video
 from monodyn.vision.drawing.probe import LEAST_LEVEL, TRUSTED
+from monodyn.vision.drawing.shown import pose_row
 from monodyn.vision.drawing.shutter import SLOW_PX, way
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background, Samples, background_of
 from monodyn.vision.foreground.masks import planes_for
 from monodyn.vision.foreground.palette import TRUSTED_NOISE
 from monodyn.vision.foreground.sampling import sample_frames
 from monodyn.vision.foreground.thumbnails import Window
+from monodyn.vision.locating.scene import as_filmed
 
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Grade
@@ -170,15 +172,9 @@ class Sight:
             The polygons, each (point, 2); none where that is not known of the frame.
         """
         if self.points is not None and self.points.drift is not None:
-            numbers = self.points.tracks.frame
-            drift = self.points.drift.at(min(int(np.searchsorted(numbers, frame)), len(numbers) - 1))
-            return [drift.added(corners[np.newaxis])[0] for corners in outlines]
+            return self.points.as_filmed(frame, outlines)
         masks = self.shown_masks
-        path = None if masks is None else masks.video.camera_path
-        if masks is None or path is None:
-            return list(outlines)
-        at, away = path.at(frame), masks.away(frame)
-        return [] if at is None else [at.of(corners + away) for corners in outlines]
+        return list(outlines) if masks is None else as_filmed(masks, frame, outlines)
 
     @property
     def anything_tracked(self) -> bool:
@@ -263,35 +259,6 @@ class Sight:
         """Median of what of the mismatch is outside of the outline, likewise."""
         shares = [judged.beyond for judged in self.judged if judged.tracked]
         return float(np.median(shares)) if shares else float("nan")
-
-
-def located_at(scene: Scene, frame: int) -> tuple[int, np.ndarray]:
-    """Return the key frame nearest to a frame, and the pose that was located there.
-
-    Args:
-        scene: The scene.
-        frame: Frame number.
-
-    Returns:
-        Number of the key frame and joint positions, (dof,).
-    """
-    nearest = int(np.argmin(np.abs(np.asarray(scene.key_frames) - frame)))
-    return scene.key_frames[nearest], scene.key_positions[nearest]
-
-
-def pose_row(poses: Poses | None, frame: int) -> int | None:
-    """Return the row of a frame in a record if it was measured there; a record may lack frames.
-
-    Args:
-        poses: The record, or None.
-        frame: Frame number.
-    """
-    if poses is None:
-        return None
-    row = int(np.searchsorted(poses.frame, frame))
-    if row >= len(poses) or poses.frame[row] != frame or not poses.seen[row]:
-        return None
-    return row
 
 
 def _pose(poses: Poses | None, frame: int) -> np.ndarray | None:

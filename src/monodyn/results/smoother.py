@@ -17,14 +17,9 @@ from monodyn.arrays import increasing
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.verdict.unmodelled import noise_of_rows
+from monodyn.mechanism.steps import ERROR_BOUND, MOST_SUBSTEPS, fine_stamps
 from monodyn.results.chain import Chain, Dynamics, Pass, Seen, settled
-from monodyn.results.fill import (
-    ERROR_BOUND,
-    MOST_FILL_SUBSTEPS,
-    States,
-    fill,
-    fine_stamps,
-)
+from monodyn.results.fill import States, fill
 from monodyn.results.trace import fitted_rows, metric
 from monodyn.types import Poses
 
@@ -148,7 +143,7 @@ def _dynamics(fit: Fit, stamps: np.ndarray, record: int) -> Dynamics:
     def positions(substeps: int) -> np.ndarray:
         return rollout(tree, clock, start.position, start.velocity, substeps=substeps, drive=drive)[0]
 
-    substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_FILL_SUBSTEPS, least)
+    substeps, _ = least_substeps(positions, ERROR_BOUND, MOST_SUBSTEPS, least)
     return Dynamics(fit, drive, substeps)
 
 
@@ -198,7 +193,9 @@ def _joined(rolled: States, chain: Chain, seen: Seen, found: Pass, lost: np.ndar
     )
     states[chain.asked], std[chain.asked] = found.states[rows], np.sqrt(variance)
     std[chain.asked[lost[rows]]] = np.inf
-    return States(rolled.time, states[:, :dofs], states[:, dofs:], std[:, :dofs], std[:, dofs:])
+    return States(
+        rolled.joints, rolled.time, states[:, :dofs], states[:, dofs:], std[:, :dofs], std[:, dofs:]
+    )
 
 
 def _unknown(rolled: States) -> States:

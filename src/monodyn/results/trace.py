@@ -15,7 +15,8 @@ from monodyn.mechanism.upright import ROLL, ROLL_STD, by_roll, in_metres
 from monodyn.types import Poses
 
 if TYPE_CHECKING:
-    from monodyn.estimation.fit import Common, Fit
+    from monodyn.estimation.fit import Fit
+    from monodyn.estimation.parts import Common
     from monodyn.mechanism import Mechanism
     from monodyn.results.fill import States
     from monodyn.results.predict import Prediction
@@ -78,7 +79,7 @@ class Trace:
         measured, infinite where what was measured has no finite prediction, of a hinge modulo a turn after a
         gap in which it may have made one; and the standard deviation of the prediction, (frame, dof).
         """
-        after = self.poses.part(self.rows[1], len(self.poses))
+        after = self.poses[self.rows[1] :]
         if self.future is None or not len(self.future.time) or not len(after):
             return np.zeros(0), np.zeros((0, len(self.poses.joints))), np.zeros((0, len(self.poses.joints)))
         # the prediction may have other time stamps: only rows that both have are compared
@@ -87,7 +88,7 @@ class Trace:
         time, row, measured = after.time[both], row[both], after.measured[both]
         error = after.position[both] - self.future.position[row]
         error = np.where(measured, np.where(np.isfinite(error), error, np.inf), np.nan)
-        before = self.poses.part(self.rows[0], self.rows[1])
+        before = self.poses[self.rows[0] : self.rows[1]]
         for dof in self.turning:
             seen = before.time[before.measured[:, dof]]
             last = float(seen[-1]) if len(seen) else -np.inf

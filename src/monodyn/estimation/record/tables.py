@@ -15,7 +15,7 @@ import numpy as np
 from monodyn.arrays import increasing
 from monodyn.errors import VideoError
 from monodyn.names import meant, near, near_files, quoted, short
-from monodyn.types import Poses
+from monodyn.types import Poses, shared_columns
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
@@ -106,21 +106,16 @@ def write_poses(
         shared: Errors that the positions share [rad or m], one standard deviation of each of several
             directions, (direction, frame, dof); None writes no columns of them.
     """
+    columns = poses.columns()
+    if excluded is not None:
+        columns |= {f"{name}_excluded": excluded[:, dof] for dof, name in enumerate(poses.joints)}
+    columns |= shared_columns(poses.joints, shared)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    further = [f"{name}_{what}" for what in ("std", "seen") for name in poses.joints]
-    if excluded is not None:
-        further += [f"{name}_excluded" for name in poses.joints]
-    together = np.zeros((0, *poses.position.shape)) if shared is None else shared
-    further += [f"{name}_shared{k + 1}" for k in range(len(together)) for name in poses.joints]
-    writer.writerow(["frame", "time", "seen", *poses.joints, *further])
-    marks = poses.measured if excluded is None else np.hstack((poses.measured, excluded))
-    std = np.sqrt(np.diagonal(poses.covariance, axis1=1, axis2=2))
-    for i in range(len(poses)):
-        numbers = [cell_text(float(x)) for x in (*poses.position[i], *std[i])]
-        row = [int(poses.frame[i]), cell_text(float(poses.time[i])), int(poses.seen[i])]
-        common = [cell_text(float(x)) for x in together[:, i].ravel()]
-        writer.writerow([*row, *numbers, *marks[i].astype(int).tolist(), *common])
+    writer.writerow(columns)
+    # marks are written as 1 and 0
+    cells = [(values.astype(int) if values.dtype == bool else values).tolist() for values in columns.values()]
+    writer.writerows([cell_text(cell) for cell in row] for row in zip(*cells, strict=True))
     Path(path).write_text(text.getvalue(), encoding="utf-8")
 
 

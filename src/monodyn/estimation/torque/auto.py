@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.estimation.fit import TriedTorque
+from monodyn.estimation.parts import TriedTorque
 from monodyn.estimation.shooting.accelerations import mismatch_cost
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import difference_size

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monodyn.estimation.fit import TriedTorque
+from monodyn.estimation.parts import TriedTorque
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.settings import IdentifySettings

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.estimation.fit import Combination
+from monodyn.estimation.parts import Combination
 from monodyn.estimation.shooting.prior import size_ratios
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.unknowns import CENTRE_KINDS, Unknowns

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.estimation.fit import Common
+from monodyn.estimation.parts import Common
 from monodyn.estimation.record.samples import Data, Pieces
 from monodyn.estimation.record.shared import moves_a_zero
 from monodyn.estimation.shooting.problem import Problem

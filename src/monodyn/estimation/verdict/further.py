@@ -90,7 +90,7 @@ def further_link(
     if grown is None:
         return None
     larger, joint = grown
-    record = _with_unseen(ordered(records[0].part(0, MOST_ROWS), plain), joint)
+    record = _with_unseen(ordered(records[0][:MOST_ROWS], plain), joint)
     found = Further(larger.bodies[-2], len(record), np.inf)
     problem = posed(larger, prepare((record,), larger), near=True)
     route = Route(settings.piece, max(settings.error_bound, COARSE), ROUGH)

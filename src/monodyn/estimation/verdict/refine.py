@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from monodyn.estimation.fit import Common
+from monodyn.estimation.parts import Common
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import Problem

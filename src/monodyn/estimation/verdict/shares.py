@@ -8,7 +8,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from monodyn.estimation.fit import Combination, Estimate
+from monodyn.estimation.fit import Estimate
+from monodyn.estimation.parts import Combination
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.verdict.intervals import determined, errs_by_factor, widened
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.estimation.fit import Doubt, Estimate, Fit, Start
+from monodyn.estimation.fit import Doubt, Estimate, Fit
+from monodyn.estimation.parts import Start
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.prior import Proportion, size_ratios, thickness_ratios
@@ -426,9 +427,6 @@ def _hardly_known(ratios: list[Proportion], covariance: np.ndarray) -> list[Para
 
 def _without_use(mechanism: Mechanism) -> list[str]:
     """Names of given thicknesses and densities on which no link depends."""
-    given = [
-        p.name
-        for p in mechanism.parameters
-        if p.name in mechanism.chosen and p.kind in ("thickness", "density") and not p.free
-    ]
-    return [name for name in given if not mechanism.directions([name]).links.any()]
+    kinds = ("thickness", "density")
+    given = [p for p in mechanism.parameters if p.name in mechanism.chosen and p.kind in kinds and not p.free]
+    return [p.name for p in given if not mechanism.directions([p.name]).links.any()]

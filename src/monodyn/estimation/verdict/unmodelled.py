@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from monodyn.estimation.fit import Unmodelled
+from monodyn.estimation.parts import Unmodelled
 from monodyn.estimation.verdict.refine import Refined
 
 LARGER, SLOWER = 2.0, 1.5

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -51,11 +52,7 @@ def read_folder(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, A
     times = steps / (rate or DEFAULT_RATE)
     luma, _ = load_picture(files[0], "picture")
     height, width = luma.shape
-
-    def decode(start: int, stop: int) -> Iterator[Frame]:
-        return _pictures(files, times, (height, width), range(start, stop), notes)
-
-    return width, height, times, decode, notes
+    return width, height, times, partial(_pictures, files, times, (height, width), notes), notes
 
 
 def read_still(path: Path) -> tuple[int, int, np.ndarray, Any, list[str]]:
@@ -175,9 +172,10 @@ def series(path: Path) -> tuple[list[Path], list[int]]:
 
 
 def _pictures(
-    files: list[Path], times: np.ndarray, shape: tuple[int, int], wanted: range, notes: list[str]
+    files: list[Path], times: np.ndarray, shape: tuple[int, int], notes: list[str], start: int, stop: int
 ) -> Iterator[Frame]:
-    for index in wanted:
+    """Yield the pictures of a range of frame numbers that can be read."""
+    for index in range(start, stop):
         try:
             luma, chroma = load_picture(files[index], "picture")
         except VideoError:

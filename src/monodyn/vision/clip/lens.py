@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
 from monodyn.errors import SettingsError
 from monodyn.types import Frame
-from monodyn.vision.clip.video import Video
+from monodyn.vision.clip.video import Decode, Video
 
 ROUNDS = 20
 """Newton steps by which a place in a straight picture is found."""
@@ -204,8 +204,9 @@ def straightened(video: Video, lens: Lens) -> Video:
         video: The clip.
         lens: Its lens.
     """
+    return replace(video, decode=partial(_straight, lens, video.decode), straight=lens.frame)
 
-    def decode(start: int, stop: int) -> Iterator[Frame]:
-        return map(lens.frame, video.decode(start, stop))
 
-    return replace(video, decode=decode, straight=lens.frame)
+def _straight(lens: Lens, decode: Decode, start: int, stop: int) -> Iterator[Frame]:
+    """Yield the straight pictures of a range of frame numbers."""
+    return map(lens.frame, decode(start, stop))

@@ -15,6 +15,7 @@ import numpy as np
 
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import VideoError
+from monodyn.markup import card, counted, sentences, stretch
 from monodyn.names import meant, near_files
 from monodyn.types import Frame
 from monodyn.vision.clip.ahead import made_ahead
@@ -148,6 +149,21 @@ class Video:
             if note not in self.remarks:
                 self.remarks.append(note)
         return replace(self, repeats=repeats)
+
+    def __repr__(self) -> str:
+        rate = (self.count - 1) / (self.times[-1] - self.times[0]) if self.count > 1 else 0.0
+        shown = f", {rate:.4g} Hz" if rate else ""
+        return (
+            f"<Video {self.path.name}: {self.width}x{self.height} px, {counted(self.count, 'frame')}, "
+            f"{stretch(self.times.tolist())}{shown}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return the clip as HTML, for notebooks, with what was noted."""
+        moves = (
+            [] if self.camera_path is None else ["The camera moves; frames are as one at rest shows them."]
+        )
+        return card(repr(self), sentences([str(self.path), *moves, *self.notes]))
 
     def timed(self, frames: np.ndarray, times: np.ndarray) -> Video:
         """Return the whole clip, repeats and all, with other times.

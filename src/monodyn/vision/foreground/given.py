@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from monodyn.errors import VideoError
+from monodyn.markup import counted
 from monodyn.mechanism import Mechanism
 from monodyn.types import FULL, Frame, Mask, Progress
 from monodyn.vision.clip.repeats import NO_REPEATS
@@ -25,6 +26,7 @@ from monodyn.vision.foreground.mask_files import BLACK, WHITE, OpenedMasks, open
 from monodyn.vision.foreground.masks import GeomColours, View, plain_view
 from monodyn.vision.foreground.sampling import sample_frames
 from monodyn.vision.foreground.thumbnails import Window
+from monodyn.vision.foreground.unread import Sampled
 from monodyn.vision.settings import SegmentSettings
 
 NOISE = 1.0
@@ -34,7 +36,7 @@ MOST_COVERED = 0.6
 
 
 @dataclass(frozen=True, eq=False)
-class GivenMasks:
+class GivenMasks(Sampled):
     """Masks that another tool made; iterate over them for one ``Mask`` a frame.
 
     Attributes:
@@ -62,6 +64,9 @@ class GivenMasks:
     def parallax(self) -> Parallax:
         """None: masks show no scene that the mechanism could be nearer than."""
         return NO_PARALLAX
+
+    def __repr__(self) -> str:
+        return f"<GivenMasks of {self.video.path.name}: {counted(self.planes, 'object')}>"
 
     def __iter__(self) -> Iterator[Mask]:
         """Stream the masks in the order of time."""

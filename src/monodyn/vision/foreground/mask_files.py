@@ -8,7 +8,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -19,7 +19,7 @@ from monodyn.mechanism import Mechanism
 from monodyn.names import meant, near_files
 from monodyn.types import Frame
 from monodyn.vision.clip.folder import DEFAULT_RATE, series, steps_of
-from monodyn.vision.clip.video import Video, check_rate, read
+from monodyn.vision.clip.video import Decode, Video, check_rate, read
 
 BLACK, WHITE = 16, 235
 """Grey levels of the masks as pictures."""
@@ -51,12 +51,13 @@ class OpenedMasks:
         video, planes = self.objects, self.planes
         if planes == 1:
             return video
+        return replace(video, decode=partial(_in_one, video, planes))
 
-        def decode(start: int, stop: int) -> Iterator[Frame]:
-            for frame in video.decode(start, stop):
-                yield replace(frame, luma=frame.luma.reshape(planes, video.height, -1).max(axis=0))
 
-        return replace(video, decode=decode)
+def _in_one(video: Video, planes: int, start: int, stop: int) -> Iterator[Frame]:
+    """Yield pictures of all objects together."""
+    for frame in video.decode(start, stop):
+        yield replace(frame, luma=frame.luma.reshape(planes, video.height, -1).max(axis=0))
 
 
 def opened_masks(
@@ -92,19 +93,21 @@ def opened_masks(
 
 def _timed(video: Video, times: np.ndarray) -> Video:
     """Return a clip with other time stamps [s], (frame,)."""
+    return replace(video, times=times, decode=partial(_restamped, video.decode, times))
 
-    def decode(start: int, stop: int) -> Iterator[Frame]:
-        for frame in video.decode(start, stop):
-            yield replace(frame, time=float(times[frame.index]))
 
-    return replace(video, times=times, decode=decode)
+def _restamped(decode: Decode, times: np.ndarray, start: int, stop: int) -> Iterator[Frame]:
+    """Yield pictures with other time stamps."""
+    for frame in decode(start, stop):
+        yield replace(frame, time=float(times[frame.index]))
 
 
 def _opened(path: Path, mechanism: Mechanism, rate: float | None, clip: Video | None) -> tuple[Video, int]:
     """Return masks as a clip whose pictures hold all planes one below the other, and the number of planes."""
     times, notes = None, []
     if path.suffix.lower() in (".npz", ".npy"):
-        pictures, times = _array(path)
+        masks, times = _array(path)
+        pictures = _Array(path, masks)
         frames = np.arange(len(pictures))
     elif path.is_dir():
         files, numbers = series(path)
@@ -130,13 +133,32 @@ def _opened(path: Path, mechanism: Mechanism, rate: float | None, clip: Video | 
     some = range(0, len(frames), max(1, len(frames) // LOOKED_AT))
     scale = _scale(path, [np.asarray(pictures[k]) for k in some], mechanism)
     height, width = pictures[0].shape[-2:]
-
-    def decode(start: int, stop: int) -> Iterator[Frame]:
-        # where a number is missing there is no mask
-        for k in range(*np.searchsorted(frames, [start, stop])):
-            yield Frame(int(frames[k]), float(times[frames[k]]), scale.luma(pictures[k]))
-
+    decode = partial(_decoded, pictures, frames, times, scale)
     return Video(path, width, height, times, decode, remarks=notes), scale.planes
+
+
+def _decoded(
+    pictures: _Array | _Folder, frames: np.ndarray, times: np.ndarray, scale: _Scale, start: int, stop: int
+) -> Iterator[Frame]:
+    """Yield the masks of a range of frame numbers; where a number is missing there is none."""
+    for k in range(*np.searchsorted(frames, [start, stop])):
+        yield Frame(int(frames[k]), float(times[frames[k]]), scale.luma(pictures[k]))
+
+
+class _Array:
+    """Masks of an array, which stay in their file when they are pickled."""
+
+    def __init__(self, path: Path, masks: np.ndarray | None = None) -> None:
+        self.path, self.masks = path, _array(path)[0] if masks is None else masks
+
+    def __len__(self) -> int:
+        return len(self.masks)
+
+    def __getitem__(self, k: int) -> np.ndarray:
+        return self.masks[k]
+
+    def __reduce__(self) -> tuple[type, tuple[Path]]:
+        return _Array, (self.path,)
 
 
 @dataclass(frozen=True)

@@ -109,7 +109,7 @@ class _Path:
             self._travelled += 1e-6 if cut else float(moved.sum()) + 1e-6
         self._previous = small
         if not self._places or self._travelled - self._places[-1] >= self._step:
-            self._kept.append(frame if self._held else _own_copy(frame))
+            self._kept.append(frame if self._held else own_copy(frame))
             self._places.append(self._travelled)
         # The length of the whole path is not known before its end: every frame is kept at first, and each
         # time that memory is full every other one is dropped and the step between two doubled.
@@ -173,7 +173,11 @@ def window_of(roi: tuple[int, int, int, int], video: Video) -> Window:
     return Window(top, top + height, left, left + width)
 
 
-def _own_copy(frame: Frame) -> Frame:
-    """Copy the planes, so that the decoder's buffers go back to it."""
+def own_copy(frame: Frame) -> Frame:
+    """Return a frame with planes of its own, so that the decoder's buffers go back to it.
+
+    Args:
+        frame: The frame.
+    """
     chroma = None if frame.chroma is None else (frame.chroma[0].copy(), frame.chroma[1].copy())
     return Frame(frame.index, frame.time, frame.luma.copy(), chroma)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from monodyn.errors import VideoError
+from monodyn.markup import counted
 from monodyn.types import Frame, Mask, Progress
 from monodyn.vision.clip.steady import NO_PARALLAX, Parallax, displaced
 from monodyn.vision.clip.video import Video, read
@@ -30,6 +31,7 @@ from monodyn.vision.foreground.palette import (
 )
 from monodyn.vision.foreground.sampling import sample_frames
 from monodyn.vision.foreground.thumbnails import Window
+from monodyn.vision.foreground.unread import Sampled
 from monodyn.vision.registration.register import onto_scene, steadied
 from monodyn.vision.settings import SegmentSettings
 
@@ -39,7 +41,7 @@ from what differs from that, are in doubt: a mechanism covers some ten times as 
 
 
 @dataclass(frozen=True, eq=False)
-class SoftMasks:
+class SoftMasks(Sampled):
     """The soft foreground of a clip; iterate over it for one ``Mask`` a frame.
 
     Attributes:
@@ -68,6 +70,14 @@ class SoftMasks:
     def light(self) -> Light:
         """The light of the background, into which every frame is brought."""
         return light_of(self.background.luma)
+
+    def _lit(self, frame: Frame) -> Frame:
+        """Return a frame in the light of the background."""
+        return self.light.evened(frame)
+
+    def __repr__(self) -> str:
+        colours = counted(len(self.palette.colours), "colour")
+        return f"<SoftMasks of {self.video.path.name}: {colours}, noise {self.background.noise:.1f}>"
 
     def __iter__(self) -> Iterator[Mask]:
         """Stream the masks in the order of time."""

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monodyn.markup import counted
 from monodyn.mechanism import Mechanism
-from monodyn.types import Camera, Frame
+from monodyn.types import Camera, Frame, Poses
 from monodyn.vision.clip.steady import CameraPath
 from monodyn.vision.clip.video import Video
+from monodyn.vision.drawing.outline import outline
+from monodyn.vision.drawing.shown import check_followed, frame_of, pose_row, scene_card, show_outlines
 from monodyn.vision.points.adjust import Adjustment, Fitted, Seen
 from monodyn.vision.points.drift import Drift
 from monodyn.vision.points.marks import Mark
 from monodyn.vision.points.shown import project
+from monodyn.vision.points.sticks import sticks
 from monodyn.vision.points.tracks import PointTracks, without_pictures
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +92,69 @@ class PointScene:
         std[tracks.frame] = np.sqrt(2.0) * self.adjustment.jitter
         nothing = np.broadcast_to(np.zeros(1, dtype=np.uint8), (tracks.height, tracks.width))
         return CameraPath(maps, std, Frame(-1, 0.0, nothing))
+
+    def as_filmed(self, frame: int, outlines: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Return outlines where the picture of a frame shows them as it was filmed.
+
+        Args:
+            frame: Frame number.
+            outlines: Polygons before a camera at rest [px], each (point, 2).
+
+        Returns:
+            The polygons, each (point, 2); none where that is not known of the frame.
+        """
+        if self.drift is not None:
+            drift = self.drift.at(min(self._row(frame), len(self.tracks) - 1))
+            return [drift.added(corners[np.newaxis])[0] for corners in outlines]
+        path = self.video.camera_path
+        if path is None:
+            return list(outlines)
+        at = path.at(frame)
+        return [] if at is None else [at.of(corners) for corners in outlines]
+
+    def _row(self, frame: int) -> int:
+        """Return the row of a frame among the points, or of the next one that has any."""
+        return int(np.searchsorted(self.tracks.frame, frame))
+
+    def show(self, frame: int | None = None, poses: Poses | None = None, *, axes: Axes | None = None) -> Axes:
+        """Draw a picture of the clip with the outline of the mechanism (needs monodyn[plots]).
+
+        Args:
+            frame: Number of the picture; None is the first one with points.
+            poses: As ``track`` returns them for this scene; None takes those with which it was located.
+            axes: Axes of matplotlib to draw into; None makes a figure.
+
+        Returns:
+            The axes.
+
+        Raises:
+            VideoError: From deeper down: there is no such picture, or the poses are not of this scene.
+        """
+        check_followed(poses, self.camera.roll)
+        picture = frame_of(self.video, int(self.tracks.frame[0]) if frame is None else frame)
+        row, position = self._row(picture.index), None
+        if poses is not None:
+            followed = pose_row(poses, picture.index)
+            position = None if followed is None else poses.position[followed]
+        elif row < len(self.tracks) and self.tracks.frame[row] == picture.index:
+            position = self.fitted.position[row, : len(self.mechanism.joints)]
+        outlines = []
+        if position is not None:
+            drawn = outline(self.mechanism, self.camera, position) if self.mechanism.plan.drawn else []
+            outlines = [polygon for _, polygon in drawn] + sticks(self.mechanism, self.camera, position)
+        said = "not seen" if position is None else "as located" if poses is None else "as tracked"
+        return show_outlines(picture, self.as_filmed(picture.index, outlines), said, axes)
+
+    def __repr__(self) -> str:
+        return (
+            f"<PointScene of {self.mechanism.name!r} in {self.tracks.path.name}: "
+            f"{counted(len(self.tracks.names), 'point')} within {self.rms_px:.2f} px in "
+            f"{counted(len(self.tracks), 'frame')}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return the scene as HTML, for notebooks: the camera, and the sizes before it."""
+        return scene_card(repr(self), self.mechanism, self.camera, self.camera_std, self.advice)
 
     @property
     def found_px(self) -> np.ndarray:

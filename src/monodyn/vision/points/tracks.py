@@ -9,6 +9,7 @@ import numpy as np
 
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import VideoError
+from monodyn.markup import brief, counted, stretch
 from monodyn.vision.clip.video import Video
 
 
@@ -63,6 +64,10 @@ class PointTracks:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def __repr__(self) -> str:
+        times = stretch(self.time.tolist())
+        return f"<PointTracks of {brief(self.names, 'points')}: {counted(len(self), 'frame')}, {times}>"
 
     @property
     def found(self) -> np.ndarray:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-if TYPE_CHECKING:
-    from monodyn.mechanism import Joint
+
+class _Moving(Protocol):
+    """A joint: all that is asked of it here is its kind."""
+
+    @property
+    def kind(self) -> str: ...
 
 
 def number(value: float | None, std: float | None = None) -> str:
@@ -37,7 +41,27 @@ def short(value: float) -> str:
     return f"{value:.2g}" if math.isfinite(value) else number(value)
 
 
-def shown_in(joint: Joint) -> tuple[float, str]:
+def interval(
+    lower: float | None, upper: float | None, std: float | None, *, free: bool, known: bool, at_bound: bool
+) -> str:
+    """Return a 95 % interval as text, or why there is none.
+
+    Args:
+        lower: Its lower end; None is unbounded.
+        upper: Its upper end, likewise.
+        std: Standard deviation of what it is of.
+        free: Whether that was estimated.
+        known: Whether the data determine it.
+        at_bound: Whether it ended on a bound.
+    """
+    if at_bound:
+        return "at its bound"
+    if known:
+        return f"{number(lower, std)} to {number(upper, std)}"
+    return "not determined" if free else "held"
+
+
+def shown_in(joint: _Moving) -> tuple[float, str]:
     """Return how a joint's position is shown: units in a radian or a metre, and the unit's name.
 
     Args:

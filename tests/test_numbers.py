@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from monodyn.results.numbers import number, short
+from monodyn.numbers import interval, number, short
 
 
 def test_numbers_keep_the_digits_that_their_deviation_leaves() -> None:
@@ -17,3 +17,11 @@ def test_numbers_keep_the_digits_that_their_deviation_leaves() -> None:
     assert short(math.inf) == "∞"
     assert number(-math.inf) == "−∞"
     assert number(math.nan) == "unknown"
+
+
+def test_an_interval_or_why_there_is_none():
+    usual = {"free": True, "known": True, "at_bound": False}
+    assert interval(0.198, 0.202, 1e-3, **usual) == "0.198 to 0.202"
+    assert interval(None, None, None, **usual | {"known": False}) == "not determined"
+    assert interval(None, None, None, **usual | {"known": False, "free": False}) == "held"
+    assert interval(0.0, 1.0, 0.1, **usual | {"at_bound": True}) == "at its bound"
