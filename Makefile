@@ -9,7 +9,7 @@ PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 # the matrices are small: more threads only wait for each other
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test check fmt lint types docs bench clean
+.PHONY: demo test check lowest highest fmt lint types docs bench fuzz clean
 
 $(READY): pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11")'
@@ -29,6 +29,18 @@ check: $(READY)  ## exactly what CI runs: format, lint, types, all tests; MONODY
 	$(BIN)/pyright
 	$(PYTEST)
 
+# The oldest and the newest versions that pyproject.toml admits, with this Python: the demo and the tests in an
+# environment and a cache of compiled functions of their own. TESTS='-m "not slow"' runs a part of them.
+lowest: RESOLUTION = lowest-direct
+highest: RESOLUTION = highest
+lowest highest:
+	$(PYTHON) -m venv --clear .venv-$@
+	.venv-$@/bin/python -m pip install --quiet --disable-pip-version-check uv
+	.venv-$@/bin/uv pip install --quiet --python .venv-$@ --resolution $(RESOLUTION) -e '.[dev]'
+	.venv-$@/bin/uv pip freeze --python .venv-$@
+	NUMBA_CACHE_DIR=$(CURDIR)/.venv-$@/numba .venv-$@/bin/monodyn demo --out .venv-$@/demo
+	NUMBA_CACHE_DIR=$(CURDIR)/.venv-$@/numba .venv-$@/bin/python -m pytest -n $(JOBS) --dist loadfile $(TESTS)
+
 fmt: $(READY)  ## format and fix what can be fixed
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
@@ -47,5 +59,9 @@ bench: $(READY)  ## accuracy (needs MONODYN_DATA) and speed tables
 	else echo "accuracy.py, published.py: SKIPPED, MONODYN_DATA is not set; it names the folder with the recordings."; fi
 	$(BIN)/python benchmarks/speed.py
 
+FUZZ ?= --cases 1000
+fuzz: $(READY)  ## a thousand cases of bad input, signals, full disks, two runs at once; FUZZ="--cases 100 --seed 7"
+	$(BIN)/python benchmarks/fuzz.py --gate $(FUZZ)
+
 clean:
-	rm -rf .venv build dist $(DEMO)
+	rm -rf .venv .venv-lowest .venv-highest build dist $(DEMO)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco", "av", "opencv-python-headless")
+PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco-core", "av", "opencv-python-headless")
 """Libraries whose versions are written down with the figures."""
 BOUND_COLUMN = 4
 NUMBER_COLUMNS = (2, 3, BOUND_COLUMN)

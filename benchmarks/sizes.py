@@ -21,9 +21,12 @@ import monodyn
 from figures import Figure, say
 from monodyn.reproduce.clip import ClipSettings, make_clip
 
-FRAMES = 90
-"""Frames of a clip that is made."""
-VERSION = 1
+FRAMES, FRAMES_4K = 300, 90
+"""Frames of a clip that is made: ten seconds, but for 4K, of which every frame costs the same."""
+PHONE = 22
+"""Constant rate factor at which 4K takes what a phone films it at, 40 Mbit/s; that of the smaller clips (18)
+makes 240 Mbit/s of their noise, and two cores decode that at 20 frames a second."""
+VERSION = 2
 """To be raised with each change of the clips."""
 
 
@@ -38,6 +41,8 @@ class SizedClip:
         limit: Target of decoding and tracking [ms a frame]; None where the ratio to decoding has one.
         memory: Target of the peak memory [MB], or None.
         size: Width and height of a clip that is made when it is not there [px], or None.
+        frames: Its frames.
+        quality: Its constant rate factor of H.264.
     """
 
     name: str
@@ -46,6 +51,8 @@ class SizedClip:
     limit: float | None = None
     memory: float | None = None
     size: tuple[int, int] | None = None
+    frames: int = FRAMES
+    quality: int = ClipSettings.quality
 
     def made(self) -> Path:
         """Return the clip, made on first use."""
@@ -56,19 +63,23 @@ class SizedClip:
             usual = ClipSettings()
             camera = replace(usual.camera, width=width, height=height, focal=700.0 * height / 480)
             part = self.file.with_suffix(".part.mp4")
-            make_clip(part, replace(usual, camera=camera, frames=FRAMES))
+            make_clip(part, replace(usual, camera=camera, frames=self.frames, quality=self.quality))
             part.rename(self.file)
         return self.file
 
 
-def _drawn(width: int, height: int, limit: float | None = None, memory: float | None = None) -> SizedClip:
+def _drawn(width: int, height: int) -> SizedClip:
     """Return a clip of the experiment of 2012 in pictures of a size."""
     home = Path(tempfile.gettempdir()) / "monodyn-clips"
     file = home / f"sizes-{VERSION}-{width}x{height}.mp4"
-    return SizedClip(f"{width}x{height}, drawn", "double", file, limit, memory, (width, height))
+    return SizedClip(f"{width}x{height}, drawn", "double", file, size=(width, height))
 
 
-SIZES = (_drawn(720, 480), _drawn(1280, 720), _drawn(3840, 2160, 25.0, 1000.0))
+SIZES = (
+    _drawn(720, 480),
+    _drawn(1280, 720),
+    replace(_drawn(3840, 2160), limit=25.0, memory=1000.0, frames=FRAMES_4K, quality=PHONE),
+)
 """Clips that are made."""
 
 

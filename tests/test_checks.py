@@ -60,12 +60,14 @@ def poses(seen: int, count: int) -> Poses:
         (RunSettings(bounds={"camera.depth": (1.0, 2.0)}),
          "bounds of 'camera.depth': expected a parameter of the mechanism; give the camera's with fix."),
         (RunSettings(fix={"torque.period": 1.0}),
-         "parameter 'torque.period': a torque over time belongs to --identify.torque fourier; "
-         "add that option, or leave the parameter out."),
+         "parameter 'torque.period': expected --identify.torque fourier with it, got 'auto'; choose that "
+         "torque, or leave the parameter out."),
         (RunSettings(fix={"torque.lag": 0.01}),
-         "parameter 'torque.lag': belongs to --torques FILE; name the file, or leave it out."),
+         "parameter 'torque.lag': expected --torques FILE with it, got none; name the file, or leave the "
+         "parameter out."),
         (RunSettings(free=["joint1.torque.3"], identify=FREE),
-         "parameter 'joint1.torque.3': a free torque cannot be chosen; leave it out."),
+         "parameter 'joint1.torque.3': expected one that can be fixed, freed or bounded, got one of a "
+         "free torque, which is found as a whole; leave the parameter out."),
         (RunSettings(fix={"camera.zoom": 1.0}),
          "parameter 'camera.zoom': expected one of the camera's; parameters: 'camera.x', 'camera.y', "
          "'camera.depth', 'camera.roll', 'camera.pitch', 'camera.yaw', 'camera.focal'."),

@@ -59,7 +59,7 @@ def test_a_run_on_points(done: Any) -> None:
     files = {path.name for path in run.folder.iterdir()}
     assert files == {
         "poses.csv", "states.csv", "prediction.csv", "fit.json", "model.xml", "model.urdf", "diagnosis.png",
-        "report.html", "run.json",
+        "report.html", "run.toml", "run.json",
     }  # fmt: skip
     fit = json.loads(run.out)
     lengths = {row["name"]: row for row in fit["parameters"] if row["name"].endswith("length")}
@@ -81,7 +81,12 @@ def test_tracking_points_alone_leaves_poses_and_pictures(tmp_path: Path) -> None
         "--points.map", "link2=link2", "--quiet", folder=tmp_path / "run",
     )  # fmt: skip
     assert done.code == 0, done.err
-    assert {path.name for path in done.folder.iterdir()} == {"poses.csv", "diagnosis.png", "run.json"}
+    assert {path.name for path in done.folder.iterdir()} == {
+        "poses.csv",
+        "diagnosis.png",
+        "run.toml",
+        "run.json",
+    }
 
 
 def test_points_that_are_refused_leave_nothing(tmp_path: Path) -> None:
@@ -126,7 +131,7 @@ def test_a_run_needs_something_to_look_at(tmp_path: Path) -> None:
         "monodyn: clip: expected CLIP, or --points FILE or --masks MASKS in its place, got none; name one.\n"
     )
     said = command("run", "a.mp4", "--clip", "b.mp4", "--model", "double", "--out", tmp_path / "run")
-    assert said.err == "monodyn: clip: expected one clip, got 'a.mp4' and --clip b.mp4; leave one out.\n"
+    assert said.err == "monodyn: run: expected one CLIP, got 'a.mp4' and 'b.mp4'; leave one out.\n"
 
 
 BARREL = (-0.3, 0.1, 0.002, 0.0)

@@ -64,7 +64,7 @@ def test_a_run_has_the_settings_of_every_installed_method() -> None:
 
 
 def test_importing_the_settings_loads_nothing_heavy() -> None:
-    heavy = ("numpy", "scipy", "numba", "mujoco", "cv2", "av", "plotly", "tyro")
+    heavy = ("numpy", "scipy", "numba", "mujoco", "cv2", "av", "jinja2")
     code = (
         f"import sys, monodyn.settings as s; s.RunSettings(); print([m for m in {heavy} if m in sys.modules])"
     )

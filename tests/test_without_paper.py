@@ -1,4 +1,4 @@
-"""The program without the published method: the default path runs, the choice of that method is refused."""
+"""The program without the published method and scipy: the default path runs, that method is refused."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import pytest
 
 from monodyn import stages
 from monodyn.errors import SettingsError
+from monodyn.settings import RunSettings
 from support import DEMO, refuses
 
 FRAMES = 30
@@ -19,7 +20,8 @@ MESSAGE = "method 'paper': the published method is not part of this installation
 PROGRAM = """
 import sys
 
-sys.modules["monodyn.paper"] = None  # every import from the room fails, as if it were not installed
+# every import from them fails, as if they were not installed
+sys.modules["monodyn.paper"] = sys.modules["scipy"] = None
 from monodyn.cli import main
 
 code = main(sys.argv[1:])
@@ -56,7 +58,7 @@ def test_the_default_path_runs(pictures: Path, tmp_path: Path) -> None:
 
 
 def test_help_leaves_out_the_options_of_the_method() -> None:
-    done = run_without_paper("run", "--help")
+    done = run_without_paper("run", "--help-all")
     assert (done.returncode, done.stderr) == (0, "")
     assert "--locate.search-frames" in done.stdout
     assert "--track.move-share" not in done.stdout
@@ -75,6 +77,20 @@ def test_no_stage_takes_the_method(monkeypatch: pytest.MonkeyPatch) -> None:
         stages.TRACK_METHODS["paper"](nothing, nothing, nothing, None)
     with refuses(SettingsError, MESSAGE):
         stages.IDENTIFY_METHODS["paper"](nothing, nothing, nothing, None)
+
+
+def test_no_stage_takes_the_method_without_scipy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "scipy", None)
+    nothing: Any = None
+    said = (
+        "method 'paper': expected the package scipy, which is not installed; install it with "
+        "pip install 'monodyn[paper]'."
+    )
+    with refuses(SettingsError, said):
+        stages.IDENTIFY_METHODS["paper"](nothing, nothing, nothing, None)
+    with refuses(SettingsError, said):
+        RunSettings(method="paper")
+    assert RunSettings().method == "fast"
 
 
 def test_the_method_is_refused_in_one_line(pictures: Path, tmp_path: Path) -> None:

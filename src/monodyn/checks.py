@@ -178,13 +178,17 @@ def _with_torque(mechanism: Mechanism, settings: RunSettings) -> Mechanism:
             continue
         if name == LAG:
             raise SettingsError(
-                f"parameter '{name}': belongs to --torques FILE; name the file, or leave it out."
+                f"parameter '{name}': expected --torques FILE with it, got none; name the file, or leave the "
+                "parameter out."
             )
         if torque == "free":
-            raise SettingsError(f"parameter '{name}': a free torque cannot be chosen; leave it out.")
+            raise SettingsError(
+                f"parameter '{name}': expected one that can be fixed, freed or bounded, got one of a free "
+                "torque, which is found as a whole; leave the parameter out."
+            )
         raise SettingsError(
-            f"parameter '{name}': a torque over time belongs to --identify.torque fourier; add that option, "
-            "or leave the parameter out."
+            f"parameter '{name}': expected --identify.torque fourier with it, got '{torque}'; choose that "
+            "torque, or leave the parameter out."
         )
     return mechanism
 

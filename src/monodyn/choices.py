@@ -9,6 +9,7 @@ from numbers import Integral, Real
 from typing import Literal, get_args
 
 from monodyn.errors import SettingsError
+from monodyn.names import meant, near, quoted
 
 Method = Literal["fast", "paper"]
 """What the method of a stage can be called; ``stages`` has the functions."""
@@ -72,5 +73,6 @@ def check_choice(name: str, value: str | None, choices: Collection[str | None]) 
         SettingsError: ``value`` is none of them.
     """
     if value not in choices:
-        known = ", ".join(f"'{choice}'" for choice in choices if choice is not None)
-        raise SettingsError(f"{name}: expected one of {known}, got '{value}'.")
+        names = [choice for choice in choices if choice is not None]
+        asked = f"; {meant(near(names, value))}" if value and near(names, value) else "."
+        raise SettingsError(f"{name}: expected one of {quoted(names)}, got '{value}'{asked}")

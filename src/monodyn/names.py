@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from difflib import SequenceMatcher
+from pathlib import Path
 
-MOST = 12
-"""Names that are written out where none is near; the rest are counted."""
+MOST, MOST_LETTERS = 12, 160
+"""Names that are written out where none is near, and their letters; the rest are counted."""
+LONGEST = 60
+"""Letters of a name that are written out; the middle of a longer one is left out."""
 NEAR, NEAREST = 0.8, 2
 """Likeness from which on a name may have been meant, from 0 to 1; and how many are asked about."""
+MOST_FILES = 1000
+"""Files of a folder that are looked at for one that may have been meant."""
 
 
 def known(what: str, names: Sequence[str], given: str) -> str:
@@ -26,27 +31,80 @@ def known(what: str, names: Sequence[str], given: str) -> str:
         >>> known("joints", ["joint1", "joint2"], "elbow")
         "joints: 'joint1', 'joint2'."
     """
-    if meant := near(names, given):
-        return f"did you mean {' or '.join(map(repr, meant))}?"
-    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
-    return f"{what}: {', '.join(map(repr, names[:MOST]))}{more}."
+    return meant(near(names, given)) or f"{what}: {quoted(names)}."
 
 
-def near(names: Sequence[str], given: str) -> list[str]:
+def meant(names: Sequence[str]) -> str:
+    """Ask whether one of a few names was meant; nothing where there is none.
+
+    Args:
+        names: The names, the likeliest first.
+
+    Returns:
+        The end of a sentence with its stop, or nothing.
+    """
+    return f"did you mean {' or '.join(repr(name) for name in names)}?" if names else ""
+
+
+def quoted(names: Sequence[str]) -> str:
+    """Return names between quotes with commas between them, as many as are read; the rest are counted.
+
+    Args:
+        names: The names.
+    """
+    said = [repr(short(name)) for name in names[:MOST]]
+    while len(said) > 1 and len(", ".join(said)) > MOST_LETTERS:
+        said.pop()
+    more = f" and {len(names) - len(said)} more" if len(names) > len(said) else ""
+    return f"{', '.join(said)}{more}"
+
+
+def short(name: str, most: int = LONGEST) -> str:
+    """Return a name, the middle left out where it is a long one.
+
+    Args:
+        name: The name.
+        most: Letters that are left.
+    """
+    begin = most * 2 // 3
+    return name if len(name) <= most else f"{name[:begin]}...{name[begin + 3 - most :]}"
+
+
+def near(names: Sequence[str], given: str, *, grouped: bool = True) -> list[str]:
     """Return the names that may have been meant, the likeliest first, at most ``NEAREST``.
 
     Args:
         names: All that are known.
         given: The one that is not.
+        grouped: False for names whose last dot does not divide a group from what is in it.
     """
-    likeness = {name: _likeness(name, given) for name in names}
+    likeness = {name: _likeness(name, given, grouped) for name in names}
     best = sorted(likeness, key=lambda name: likeness[name], reverse=True)[:NEAREST]
     return [name for name in best if likeness[name] >= NEAR]
 
 
-def _likeness(name: str, given: str) -> float:
+def near_files(path: Path, endings: Sequence[str] = ()) -> list[str]:
+    """Return the files next to one that does not exist that may have been meant, at most ``NEAREST``.
+
+    Args:
+        path: The one that does not exist.
+        endings: How their names may end; any where there is none.
+    """
+    try:
+        there = [each.name for each, _ in zip(path.parent.iterdir(), range(MOST_FILES), strict=False)]
+    except (OSError, ValueError):
+        return []
+    names = sorted(name for name in there if not endings or name.endswith(tuple(endings)))
+    return [str(path.with_name(name)) for name in near(names, path.name, grouped=False)]
+
+
+def _likeness(name: str, given: str, grouped: bool) -> float:
     """Return how alike two names are, from 0 to 1; that they are of the same group says nothing."""
+    # a name of a thousand letters was not meant to be any of these, and comparing takes their product
+    if len(given) > 2 * LONGEST:
+        return 0.0
+    name, given = name.casefold(), given.casefold()
     group, _, own = name.rpartition(".")
     given_group, _, given_own = given.rpartition(".")
-    pair = (own, given_own) if group == given_group else (name, given)
+    pair = (own, given_own) if grouped and group == given_group else (name, given)
     return SequenceMatcher(None, *pair).ratio()

@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import Field, dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any, get_args
 
@@ -42,17 +43,49 @@ COEFFICIENTS = (4, 5)
 SHARED = ("seed", "roi", "time_range", "uncertainty")
 """Settings of a stage that always take the value of the whole run."""
 
+_OF_CLIP = (
+    "roi", "time_range", "background", "masks", "points", "points_map", "points_size", "points_axis",
+    "distortion", "rate", "segment", "camera", "locate", "track",
+)  # fmt: skip
+UNUSED: dict[str, tuple[str, ...]] = {
+    "run": (),
+    "live": (
+        "fit_frames", "time_range", "until", "tolerance", "masks", "points", "points_map", "points_size",
+        "points_axis", "distortion", "torques", "ensemble", "uncertainty", "method",
+    ),
+    "track": (
+        "fit_frames", "until", "tolerance", "ensemble", "bounds", "torques", "uncertainty", "identify",
+    ),
+    "identify": _OF_CLIP,
+}  # fmt: skip
+"""Settings that a command has no use for, by command."""
+
+
+def option_name(setting: Field[Any]) -> str:
+    """Return what a setting is called on the command line and in a settings file, without its stage.
+
+    Args:
+        setting: The field.
+    """
+    return setting.metadata.get("name", setting.name.replace("_", "-"))
+
 
 @contextmanager
 def published_method() -> Iterator[None]:
     """Import the published method inside; where it is not installed, raise an error of one sentence.
 
     Raises:
-        SettingsError: the published method is not installed.
+        SettingsError: the published method is not installed, or scipy, whose searches it takes.
     """
     try:
         yield
+        import_module("scipy")
     except ModuleNotFoundError as error:
+        if error.name == "scipy":
+            raise SettingsError(
+                "method 'paper': expected the package scipy, which is not installed; install it with "
+                "pip install 'monodyn[paper]'."
+            ) from None
         if not _is_published(error):
             raise
         raise SettingsError(
@@ -91,8 +124,10 @@ class RunSettings:
         until: End of the prediction [s]; the end of the clip, or of the table, when left out.
         tolerance: How far off a prediction may be, of a hinge and of a slide, e.g. 5deg,2cm; how long it
             stays within is said.
-        fix: Parameters that are known, e.g. gravity=9.81, or camera.roll=0 of a clip.
-        free: Parameters to estimate that are not by default, e.g. gravity, or camera.focal of a clip.
+        fix: Parameters that are known, named after their body or joint, e.g. link1.length=0.2, gravity=9.81,
+            or camera.roll=0 of a clip.
+        free: Parameters to estimate that are not by default, e.g. joint1.drag, gravity, or camera.focal of a
+            clip.
         bounds: Lower and upper bounds of parameters, e.g. link1.length=0.1:0.3.
         background: Picture of the scene without the mechanism.
         masks: Masks that another tool made, in place of the clip's pictures: a folder of numbered pictures, a
@@ -103,22 +138,24 @@ class RunSettings:
             wrist=link2.marker for anywhere on a body, wall=world for what does not move, nose=none.
         points_size: Width and height of the picture that the points are in [px], e.g. 1280,720; the clip's,
             or as far as the points reach, when left out.
-        points_axis: Where the second coordinate of the points goes: down, up, or auto as their tool has it.
+        points_axis: Where the second coordinate of the points goes: ``down`` or ``up`` in the picture;
+            ``auto``: as their tool has it.
         distortion: Coefficients by which the lens bends the picture, in the order and meaning of OpenCV, e.g.
             -0.28,0.09,0,0. They belong to a focal length, which --locate.focal has to give, in pixels of this
             clip, with the principal point in its middle. Pictures and points are put straight before anything
             else looks at them.
-        torques: Log of known torques [N m, a slide's N] by time [s] on the clock of the record, one for each
-            table, columns time and <joint> or <joint>_torque; linear in between. Masses and friction are
-            absolute with it. How much later they act is estimated, or given with --fix torque.lag=SECONDS.
+        torques: Log of known torques [N m, a slide's N] by time [s] on the clock of the record, columns time
+            and <joint> or <joint>_torque; linear in between; of several tables one each, in their order.
+            Masses and friction are absolute with it. How much later they act is estimated, or given with
+            --fix torque.lag=SECONDS.
         ensemble: Models that are drawn from what the data allow and written as ensemble_00.xml, ..., for
             robust control and randomised training; up to 100.
         rate: Frames a second [Hz] in place of the time stamps of the clip.
         seed: Seed of every random start; it replaces the seeds of the stages.
-        uncertainty: Where intervals come from: linear, the covariance at the optimum, or where sizes are
-            assumed, draws in the inertias in which the motion is linear; profile, how the cost rises to
-            either side of the optimum; bootstrap, 200 fits of records with other noise.
-        method: fast, or paper for the method of 2012 as published; a stage may have its own.
+        uncertainty: Where intervals come from: ``linear``: the covariance at the optimum, or where sizes are
+            assumed, draws in the inertias in which the motion is linear; ``profile``: how the cost rises to
+            either side of the optimum; ``bootstrap``: 200 fits of records with other noise.
+        method: ``fast``: ours; ``paper``: that of 2012 as published. A stage may have its own.
         segment: How the foreground is found.
         camera: How the camera is found.
         locate: How camera, sizes and initial pose are found.
@@ -209,9 +246,13 @@ class RunSettings:
         if settings.method is None:
             # the foreground has one method only: a run as published has nothing to choose there
             settings = replace(settings, method="fast" if stage == "segment" else self.method)
-        # a run records the settings of every installed method, even where only those of ours were given
-        if settings.method == "paper" or not isinstance(settings, kind):
+        if settings.method == "paper":
             with published_method():
                 from monodyn.paper.settings import published
+            settings = published(settings, kind)
+        # a run records the settings of every installed method, even where only those of ours were given
+        elif not isinstance(settings, kind):
+            from monodyn.paper.settings import published
+
             settings = published(settings, kind)
         return replace(settings, **{name: getattr(self, name) for name in SHARED if hasattr(settings, name)})

@@ -159,12 +159,50 @@ def test_a_run_is_not_overwritten_without_force(demo: Done) -> None:
     assert (demo.folder / "run.json").read_bytes() == before
 
 
+REPEATED = {*FILES} - {"run.json", "report.html"}
+"""Files of a run that are the same where it is done again; the others say when, and how long it took."""
+
+
+def same_files(one: Path, other: Path) -> None:
+    names = {path.name for path in one.iterdir()}
+    assert names == {path.name for path in other.iterdir()}
+    for name in names & REPEATED:
+        assert (one / name).read_bytes() == (other / name).read_bytes(), name
+
+
+@pytest.mark.slow
+def test_a_run_is_done_again_to_the_last_digit(
+    demo: Done, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # from another folder: the file names its clip and its model
+    monkeypatch.chdir(tmp_path)
+    done = command("run", "--config", demo.folder / "run.toml", "--out", "again", "--quiet")
+    assert (done.code, done.err) == (0, "")
+    same_files(demo.folder, tmp_path / "again")
+
+
+@pytest.mark.slow
+def test_an_identification_is_done_again_to_the_last_digit(demo: Done, tmp_path: Path) -> None:
+    words = "--fix gravity=9.80665 --bounds link1.width=0.01:0.2 --fit-frames 3:50 --tolerance 4deg --seed 7"
+    poses = first_rows(demo, tmp_path, 60)
+    one = ("--out", tmp_path / "one", "--quiet", "--ensemble", "2")
+    done = command("identify", "--free", "joint1.drag", poses, "--model", MODEL, *words.split(), *one)
+    again = command(
+        "identify", "--config", tmp_path / "one" / "run.toml", "--out", tmp_path / "two", "--quiet"
+    )
+    assert done.code == again.code
+    same_files(tmp_path / "one", tmp_path / "two")
+
+
 @pytest.mark.slow
 def test_identify_takes_the_poses_of_a_run(demo: Done, tmp_path: Path) -> None:
     poses, out = first_rows(demo, tmp_path, 60), tmp_path / "fit"
     done = command("identify", poses, "--model", MODEL, "--out", out, "--quiet")
     assert (done.code, done.out, done.err) == (0, "", "")
-    names = {"states.csv", "prediction.csv", "fit.json", "model.xml", "model.urdf", "report.html", "run.json"}
+    names = {
+        "states.csv", "prediction.csv", "fit.json", "model.xml", "model.urdf", "report.html", "run.toml",
+        "run.json",
+    }  # fmt: skip
     assert {path.name for path in out.iterdir()} == names
     fit = json.loads((out / "fit.json").read_text())
     assert fit["camera"] is None
@@ -280,7 +318,7 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
     message = refused("run", clip, "--model", MODEL, "--out", tmp_path / "run", "--quiet")
     assert "moves" in message
     left = {path.name for path in (tmp_path / "run").iterdir()}
-    assert left == {"diagnosis.png", "overlay.mp4", "run.json"}
+    assert left == {"diagnosis.png", "overlay.mp4", "run.toml", "run.json"}
 
 
 @pytest.mark.parametrize(
@@ -288,7 +326,7 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
     [
         (["bogus"],
          "expected a command, got 'bogus'; commands: 'run', 'live', 'track', 'identify', 'predict', "
-         "'control', 'demo', 'warm', 'models', 'reproduce'."),
+         "'control', 'demo', 'warm', 'models', 'completion', 'reproduce'."),
         (["identify", "--model", "double"],
          "identify: expected at least one table of joint positions, got none; name a poses.csv."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--bogus"],
@@ -351,7 +389,7 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
         (["run", CLIP, "--model", MODEL, "--out", "o", "--rate", "1e-300"],
          "rate: expected 0.001 to 1e+06 Hz, got 1e-300; give the true frames a second."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--background", "a" * 300],
-         f"'{'a' * 80}...{'a' * 40}': expected a place the system can use, got 'File name too long'; "
+         f"'{'a' * 79}...{'a' * 35}': expected a place the system can use, got 'File name too long'; "
          "give another."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--seed", "-1"],
          "seed: expected 0 or more, got -1; give a whole number."),
@@ -363,6 +401,17 @@ def test_bad_usage(
     monkeypatch.chdir(tmp_path)
     assert refused(*words) == message
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("given", "shown"),
+    [("b" * 1000, f"'{'b' * 39}...{'b' * 16}'"), ("b c " * 300, "'" + "b c " * 40)],
+)
+def test_a_message_has_at_most_300_letters_whatever_was_given(given: str, shown: str) -> None:
+    message = refused("run", CLIP, "--model", MODEL, "--out", "o", "--free", given)
+    assert len(message) <= 300
+    assert message.startswith(f"parameter {shown}")
+    assert message.endswith(" more.")
 
 
 @pytest.mark.parametrize(

@@ -68,11 +68,11 @@ def test_options_become_the_settings_of_the_stream():
         "--fix", "gravity=9.8", "--track.reach", "5",
     ]  # fmt: skip
     found = parsed("live", words)
-    assert found.live_settings() == LiveSettings(pace="real", ahead=0.5, size=(640, 480), pixels="rgb24")
-    assert found.settings().fix == {"gravity": 9.8}
-    assert found.settings().track.reach == 5.0
-    assert parsed("live", WORDS[1:]).live_settings() == LiveSettings()
-    assert parsed("live", ["0", "--model", "x", "--live.pace", "real"]).live_settings().pace == "real"
+    assert found.live == LiveSettings(pace="real", ahead=0.5, size=(640, 480), pixels="rgb24")
+    assert found.settings.fix == {"gravity": 9.8}
+    assert found.settings.track.reach == 5.0
+    assert parsed("live", WORDS[1:]).live == LiveSettings()
+    assert parsed("live", ["0", "--model", "x", "--live.pace", "real"]).live.pace == "real"
     for source, name in (("a/b.mp4", "b.mp4"), ("0", "0"), ("-", "-"), ("rtsp://h/x", "rtsp://h/x")):
         assert parsed("live", [source, "--model", "x"]).name == name
 
@@ -82,7 +82,7 @@ def test_what_is_missing_or_cannot_be_used_is_named():
         ((), "live: expected SOURCE, --model, got nothing; see monodyn live --help."),
         (("0",), "live: expected --model, got 0; see monodyn live --help."),
         (("0", "--model", "single", "--pace", "slow"),
-         "live: --pace/--live.pace: expected 'fast', 'real', got 'slow'; see monodyn live --help."),
+         "live.pace: expected one of 'fast', 'real', got 'slow'."),
         (("0", "--model", "single", "--live.begin", "0"),
          "live.begin: expected 0.2 to 60 s, got 0; give a number in between."),
         (("0", "--model", "single", "--live.size", "640x480"),
@@ -258,6 +258,14 @@ def test_the_first_ctrl_c_is_a_normal_end(play):
     assert "link1.length" in done.out
     assert "interrupted" not in done.err
     assert signal.getsignal(signal.SIGINT) == handler
+
+
+def test_sigterm_is_a_normal_end_with_an_exit_code_of_its_own(play):
+    play(*[followed(45)] * 10, between=lambda k: signal.raise_signal(signal.SIGTERM) if k == 2 else None)
+    done = command(*WORDS)
+    assert done.code == 143
+    assert "link1.length" in done.out
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
 def test_an_error_after_the_first_ctrl_c_is_that_error(play):

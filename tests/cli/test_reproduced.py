@@ -45,6 +45,7 @@ def test_the_tables_stand_in_columns_and_each_claim_has_its_verdicts(
     assumed = SimpleNamespace(name="It swings.", held=False, numbers="It stands.")
     clip = SimpleNamespace(name="clip.mp4", settings=None, assumptions=[assumed])
     made: Any = SimpleNamespace(
+        notes=(),
         repetitions=[clip],
         claims=[SimpleNamespace(text="The error falls.", judged=judged)],
         seconds=12.4,

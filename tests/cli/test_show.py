@@ -112,6 +112,19 @@ def test_models_are_listed_with_their_lengths(capsys: pytest.CaptureFixture[str]
     )
 
 
+@pytest.mark.parametrize("columns", ["0", "1", "20", "300", "many"])
+def test_no_cell_of_a_table_is_cut(
+    columns: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    show_models(as_json=False)
+    show(outcome(), as_json=False, quiet=False)
+    out = capsys.readouterr().out
+    assert "…" not in out
+    assert "joint1 (hinge), joint2 (hinge), joint3 (hinge)" in out
+    assert ["link1.length", "0.2", "0.198", "to", "0.202", "m"] in words(out)
+
+
 def test_progress_is_a_few_lines_where_there_is_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter(range(0, 1000, 2))
     monkeypatch.setattr(shown.time, "perf_counter", lambda: float(next(clock)))
@@ -129,11 +142,26 @@ def test_progress_is_a_few_lines_where_there_is_no_terminal(monkeypatch: pytest.
         assert nothing is None
 
 
-def test_progress_is_a_bar_on_a_terminal() -> None:
-    class Terminal(io.StringIO):
-        def isatty(self) -> bool:
-            return True
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
 
+
+@pytest.mark.parametrize("columns", ["0", "1", "53"])
+def test_progress_is_lines_on_a_terminal_that_is_too_narrow(
+    columns: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    stream = Terminal()
+    with progress_on(stream, quiet=False) as progress:
+        assert progress is not None
+        progress("track", 8, 8)
+    assert stream.getvalue().startswith("track: 8 of 8")
+
+
+@pytest.mark.parametrize("columns", ["54", "300", "many"])
+def test_progress_is_a_bar_on_a_terminal(columns: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
     stream = Terminal()
     with progress_on(stream, quiet=False) as progress:
         assert progress is not None

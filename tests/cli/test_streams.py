@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
+import json
 import os
 import signal
 import subprocess
@@ -19,6 +20,8 @@ import pytest
 from monodyn.cli import main, show, streams
 from monodyn.cli.show import progress_on
 from monodyn.errors import SettingsError
+from monodyn.results.folder import RunFolder
+from monodyn.results.log import RunLog, recorded
 from support import refuses
 
 
@@ -67,6 +70,50 @@ def test_names_that_the_terminal_cannot_show_are_replaced(monkeypatch: pytest.Mo
     with streams.safe(), streams.printing():
         print("µ")
     assert raw.getvalue() == b"?\n"
+
+
+def test_a_minus_that_the_terminal_cannot_show_stays_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    raw = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
+    with streams.safe(), streams.printing():
+        print("−1.5e−05 ± 0.1 × ∞ – §")
+    assert raw.getvalue() == b"-1.5e-05 +- 0.1 x inf - ?\n"
+
+
+NOISY = """
+import os, sys, warnings
+from monodyn.cli import main, show
+def noisy(**_):
+    os.write(2, b"libpng error: broken\\n")
+    warnings.warn("overflow encountered")
+    print("ours", file=sys.stderr)
+    return 0
+show.show_models = noisy
+"""
+
+
+@pytest.mark.parametrize(
+    ("ended", "said"),
+    [
+        ("sys.exit(main())", "ours\n"),
+        # a process that is not ours keeps what it had
+        ("import io; main(['models'])", "libpng error: broken\nours\n"),
+        ("main(); os.write(2, b'after')", "ours\nafter"),
+    ],
+)
+def test_what_libraries_write_on_the_error_stream_is_not_shown(ended: str, said: str) -> None:
+    code = f"import warnings\n{NOISY}\n{ended}"
+    done = subprocess.run([sys.executable, "-c", code, "models"], capture_output=True, text=True)
+    lines = [line for line in done.stderr.splitlines(True) if "warn" not in line and "overflow" not in line]
+    assert "".join(lines) == said
+
+
+def test_warnings_that_were_asked_for_are_shown() -> None:
+    code = f"{NOISY}\nsys.exit(main())"
+    done = subprocess.run(
+        [sys.executable, "-W", "always", "-c", code, "models"], capture_output=True, text=True
+    )
+    assert "overflow encountered" in done.stderr
 
 
 def test_compiled_functions_go_to_a_temporary_folder_when_no_other_can_be_written(
@@ -140,7 +187,15 @@ def swallowed() -> None:
     raise ImportError("failed to import")
 
 
-@pytest.mark.parametrize("stopped", [dropped, uncompiled, unloaded, missing, swallowed])
+def cleared() -> None:
+    """Press Ctrl-C where it is cleared, as libraries of C do that look whether something is there; go on."""
+    with contextlib.suppress(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+    for _ in range(200):
+        time.sleep(0.1)
+
+
+@pytest.mark.parametrize("stopped", [dropped, uncompiled, unloaded, missing, swallowed, cleared])
 def test_ctrl_c_is_one_line_in_whatever_form_it_comes(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], stopped: Callable[[], None]
 ) -> None:
@@ -150,6 +205,56 @@ def test_ctrl_c_is_one_line_in_whatever_form_it_comes(
     assert capsys.readouterr().err == INTERRUPTED
     assert time.monotonic() - begun < 10.0
     assert (sys.unraisablehook, signal.getsignal(signal.SIGINT)) == (hook, handler)
+
+
+def test_what_ctrl_c_still_has_to_do_is_not_disturbed(monkeypatch: pytest.MonkeyPatch) -> None:
+    done = []
+
+    def stopped(**_: object) -> None:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            # much longer than it takes until it comes again where it was lost
+            time.sleep(6.0 * streams.SOON)
+            done.append("cleaned up")
+
+    monkeypatch.setattr(show, "show_models", stopped)
+    assert main(["models"]) == 130
+    assert done == ["cleaned up"]
+
+
+def test_a_second_ctrl_c_does_not_wait_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    done = []
+
+    def stopped(**_: object) -> None:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            signal.raise_signal(signal.SIGINT)
+            done.append("cleaned up")
+
+    monkeypatch.setattr(show, "show_models", stopped)
+    assert (main(["models"]), done) == (130, [])
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sends SIGTERM")
+def test_sigterm_is_as_ctrl_c(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def stopped(**_: object) -> None:
+        folder = RunFolder(tmp_path / "run")
+        with recorded(folder, RunLog("run", {}, {})):
+            folder.write_text("poses.csv", "frame")
+            signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(show, "show_models", stopped)
+    assert main(["models"]) == 143
+    assert capsys.readouterr().err == (
+        f"monodyn: terminated; what was finished is in '{tmp_path / 'run'}'.\n"
+    )
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["poses.csv", "run.json"]
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "interrupted"
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
 def test_another_error_in_a_callback_is_reported_as_ever() -> None:

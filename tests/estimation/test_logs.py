@@ -55,8 +55,13 @@ KNOWN = "joints: 'joint1', 'joint2'."
         ),
         (
             ("time,elbw", "0,1", "1,1"),
-            f"torques.csv: column 'elbw' is of no joint of the mechanism; {KNOWN} Name the column as its "
-            "joint, or leave it out.",
+            "torques.csv: column 'elbw' is of no joint of the mechanism; name it as its joint, or leave it "
+            f"out; {KNOWN}",
+        ),
+        (
+            ("time,joint1,Joint2", "0,1,1", "1,1,1"),
+            "torques.csv: column 'Joint2' is of no joint of the mechanism; name it as its joint, or leave it "
+            "out; did you mean 'joint2' or 'joint1'?",
         ),
         (
             ("time,joint1,joint1", "0,1,1", "1,1,1"),
@@ -64,8 +69,8 @@ KNOWN = "joints: 'joint1', 'joint2'."
         ),
         (
             ("time,joint1", "0,1", "1,nan"),
-            "torques.csv: line 3, column 'joint1': expected a finite number, got nan; a torque has to be "
-            "known throughout.",
+            "torques.csv: line 3, column 'joint1': expected a number within 1e+30 of 0, got nan; a torque "
+            "has to be known throughout.",
         ),
         (("time,joint1", "0,1"), "torques.csv: expected two rows of torques or more, got 1."),
         (

@@ -10,8 +10,8 @@ from monodyn.stages import identify
 from support import refuses
 
 PAPER_ALONE = (
-    "identify.rates, identify.states: rates and filtered states belong to --identify.method paper; the fast "
-    "method weighs the measured positions with their covariance."
+    "identify.rates, identify.states: expected --identify.method paper with them, got the method 'fast'; "
+    "choose that method, or leave them out."
 )
 
 
@@ -24,13 +24,18 @@ PAPER_ALONE = (
         ),
         (
             {"terms": 3},
-            "identify.terms: expected --identify.torque fourier with it, got 'auto'; add it, or "
-            "leave it out.",
+            "identify.terms: expected --identify.torque fourier with it, got 'auto'; choose that "
+            "torque, or leave the terms out.",
+        ),
+        (
+            {"torque": "fouier"},
+            "identify.torque: expected one of 'auto', 'friction', 'fourier', 'free', got 'fouier'; did you "
+            "mean 'fourier'?",
         ),
         (
             {"series": "alone"},
-            "identify.series: expected --identify.torque fourier or free with it, got 'auto'; add it, or "
-            "leave it out.",
+            "identify.series: expected --identify.torque fourier or free with it, got 'auto'; choose one "
+            "of them, or leave the series out.",
         ),
         (
             {"series": "other", "torque": "free"},
@@ -55,7 +60,11 @@ def test_settings_of_the_paper_are_refused_elsewhere(choice, passive, tmp_path):
 
 
 def test_gains_belong_to_the_paper_and_have_a_range():
-    with refuses(SettingsError, "identify.gains: the filter belongs to --identify.method paper; add it."):
+    with refuses(
+        SettingsError,
+        "identify.gains: expected --identify.method paper with them, got the method 'fast'; choose that "
+        "method, or leave the gains out.",
+    ):
         PaperIdentifySettings(method="fast", gains=(0.5, 0.1, 0.01))
     with refuses(
         SettingsError,

@@ -44,7 +44,8 @@ def test_errors_that_positions_share_come_back(tmp_path):
     text = (tmp_path / "poses.csv").read_text()
     (tmp_path / "poses.csv").write_text(text.replace(repr(float(shared[1, 4, 0])), "inf"))
     with refuses(
-        VideoError, "poses.csv: line 6, column 'a_shared2': expected a finite error, or nothing, got inf."
+        VideoError,
+        "poses.csv: line 6, column 'a_shared2': expected an error within 1e+30 of 0, or nothing, got inf.",
     ):
         read_poses(tmp_path / "poses.csv", ["a", "b"])
 
@@ -141,12 +142,49 @@ def test_a_joint_that_was_never_measured_is_a_gap(tmp_path):
         ("frame,time,a\n0.5,0,1\n", "log.csv: line 2, column 'frame': expected a whole number, got 0.5."),
         (
             "time,a,a_std\n0,1,0.1\n\n1,2,-0.1\n",
-            "log.csv: line 4, column 'a_std': expected a standard deviation of zero or more, or nothing, "
-            "got -0.1.",
+            "log.csv: line 4, column 'a_std': expected a deviation from 0 to 1e+30, or nothing, got -0.1.",
         ),
         (
             "time,a\n0,1\n1,inf\n",
-            "log.csv: line 3, column 'a': expected a finite number, or nothing for a gap, got inf.",
+            "log.csv: line 3, column 'a': expected a number within 1e+30 of 0, or nothing for a gap, got "
+            "inf.",
+        ),
+        (
+            "time,a\n0,1\n1,1e299\n",
+            "log.csv: line 3, column 'a': expected a number within 1e+30 of 0, or nothing for a gap, got "
+            "1e299.",
+        ),
+        (
+            "time,a\n0,1\n1e299,1\n",
+            "log.csv: column 'time': expected times within 1e+30 s of 0, got 1e+299; give them in seconds.",
+        ),
+        (
+            "time,a\n0,1\n1e-300,1\n",
+            "log.csv: column 'time': expected rows 1e-09 s apart or more, got two with 1e-300 s between "
+            "them; give the times in seconds.",
+        ),
+        *(
+            (
+                f"time{sign}a\n0{sign}1,5\n",
+                f"log.csv: expected commas between the cells, got {word}; save it with commas, and with "
+                "points in its numbers.",
+            )
+            for sign, word in ((";", "semicolons"), ("\t", "tabs"), ("|", "bars"), (" ", "blanks"))
+        ),
+        (
+            "0,1\n1,2\n",
+            "log.csv: expected a header line, got numbers in line 1; name the columns there, "
+            "'time' and others.",
+        ),
+        ("Time,A\n0,1\n", "log.csv: column 'time', 'a' is missing; did you mean 'Time' and 'A'?"),
+        (
+            "time," + ",".join(f"q{k}" for k in range(30)) + "\n0" + ",1" * 30 + "\n",
+            "log.csv: column 'a' is missing; columns: 'time', 'q0', 'q1', 'q2', 'q3', 'q4', 'q5', 'q6', "
+            "'q7', 'q8', 'q9', 'q10' and 19 more.",
+        ),
+        (
+            f"time,a\n0,{'x' * 100}\n",
+            f"log.csv: line 2, column 'a': expected a number, got '{'x' * 40}...{'x' * 17}'.",
         ),
         ("time,a,a\n0,1,2\n", "log.csv: column 'a' is there 2 times; keep one."),
     ],
@@ -155,6 +193,12 @@ def test_bad_tables_have_whole_messages(tmp_path, text, message):
     (tmp_path / "log.csv").write_text(text)
     with refuses(VideoError, message):
         read_poses(tmp_path / "log.csv", ["a"])
+
+
+def test_the_column_of_another_joint_was_not_meant(tmp_path):
+    (tmp_path / "log.csv").write_text("time,joint1,joint1_std\n0,1,1\n")
+    with refuses(VideoError, "log.csv: column 'joint2' is missing; columns: 'time', 'joint1'."):
+        read_poses(tmp_path / "log.csv", ["joint1", "joint2"])
 
 
 def test_files_that_are_no_tables(tmp_path):

@@ -41,9 +41,7 @@ def test_nothing_acts_before_the_first_frame_and_where_nothing_was_applied():
 
 def test_what_is_no_torque_is_refused():
     applied = Applied(("slide", "joint1"))
-    with refuses(
-        SettingsError, "apply: expected torques by joint (slide, joint1), got 'joint2'; correct the name."
-    ):
+    with refuses(SettingsError, "apply: joint 'joint2' is not in the mechanism; did you mean 'joint1'?"):
         applied.add(0.0, {"joint2": 1.0})
     with refuses(SettingsError, "apply: expected a finite torque for slide, got nan."):
         applied.add(0.0, {"slide": float("nan")})

@@ -67,6 +67,17 @@ def ended(last: str) -> str:
             mjcf(SINGLE.replace('axis="0 -1 0"', 'axis="0 nan 0"')),
             "m.xml: <joint>: expected numbers in 'axis', got nan; correct it.",
         ),
+        *(
+            (
+                mjcf(SINGLE.replace("<geom", f'<geom density="{nan}"')),
+                "m.xml: <geom>: expected numbers in 'density', got nan; correct it.",
+            )
+            for nan in ("-nan", "+NaN", "nan(3)")
+        ),
+        (
+            mjcf(SINGLE.replace("<geom", '<geom euler="inf 0 0"')),
+            "m.xml: orientations: expected numbers up to 1e+09, got nan; correct it.",
+        ),
         (
             mjcf(SINGLE, '<extension><plugin plugin="x"/></extension>'),
             "m.xml: <extension>: plugins are not supported; remove them.",

@@ -17,13 +17,17 @@ from monodyn.paper.settings import (
 from monodyn.vision.settings import LocateSettings, TrackSettings
 from support import refuses
 
-GAINS = "identify.gains: the filter belongs to --identify.method paper; add it."
+GAINS = (
+    "identify.gains: expected --identify.method paper with them, got the method 'fast'; choose that method, "
+    "or leave the gains out."
+)
 LIMITS = (
-    "track.move_share, track.adaptive: move limits belong to track.method paper; add it, or leave them out."
+    "track.move_share, track.adaptive: expected --track.method paper with them, got the method 'fast'; "
+    "choose that method, or leave the move limits out."
 )
 RATES = (
-    "identify.rates, identify.states: rates and filtered states belong to --identify.method paper; the fast "
-    "method weighs the measured positions with their covariance."
+    "identify.rates, identify.states: expected --identify.method paper with them, got the method 'fast'; "
+    "choose that method, or leave them out."
 )
 
 BEGIN = (

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -45,6 +47,23 @@ def test_a_worker_that_the_system_ends_is_reported_in_one_line() -> None:
         "where memory runs out; free memory, or give --seeds 1.",
     ):
         list(each(ended, [1, 2], 2, None))
+
+
+def slow(number: int, progress: object = None) -> int:
+    """Take for ever, but for the first one."""
+    if number:
+        time.sleep(600.0)
+    return number
+
+
+@pytest.mark.slow
+def test_workers_end_with_who_wanted_their_results() -> None:
+    before = set(multiprocessing.active_children())
+    results = each(slow, [0, 1], 2, None)
+    assert next(results) == 0
+    with pytest.raises(KeyboardInterrupt):
+        results.throw(KeyboardInterrupt)
+    assert set(multiprocessing.active_children()) <= before
 
 
 def test_the_mechanism_that_methods_are_given_has_two_hinges(tmp_path: Path) -> None:

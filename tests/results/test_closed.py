@@ -50,6 +50,21 @@ def test_the_true_mechanism_is_balanced_by_what_the_identified_one_says() -> Non
             assert np.abs(loop.position[0] - regulator.position) == pytest.approx(np.abs(away))
 
 
+def test_where_the_numbers_end_it_runs_away_and_leaves_no_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    # from where MuJoCo begins anew by itself: at rest, and so without a torque it would be balanced
+    loop = closed_loop(
+        load("double"), Constant(("joint1", "joint2"), ("joint1",), 1e15), np.zeros(2), seconds=0.1
+    )
+    assert len(loop.time) == 1
+    assert np.isinf(loop.off).all()
+    assert not loop.balanced
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")
+
+
 def test_without_a_controller_it_is_the_free_motion() -> None:
     mechanism = load("double")
     start, rates = np.array([0.3, -0.2]), np.array([1.0, 0.5])

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import errno
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from monodyn.errors import SettingsError
+from monodyn.results import folder as folder_module
+from monodyn.results import swap
 from monodyn.results.controlled import CONTROL
-from monodyn.results.folder import RUN, FolderKind, RunFolder
+from monodyn.results.folder import RECORDING, RUN, FolderKind, RunFolder, recover
+from monodyn.results.lock import LOCK
 from monodyn.results.predicted import PREDICTION
 from support import refuses
 
@@ -23,16 +28,90 @@ def test_force_replaces_our_own_files_alone(tmp_path: Path) -> None:
     folder.write_text("poses.csv", "new")
     assert (tmp_path / "poses.csv").read_text() == "old"
     folder.finish()
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
-        "poses.csv": "new",
-        "mine.txt": "mine",
-    }
+    folder.close()
+    assert contents(tmp_path) == {"poses.csv": "new", "mine.txt": "mine"}
 
 
-@pytest.mark.parametrize("stop", range(4))
+def contents(folder: Path) -> dict[str, str]:
+    return {path.name: path.read_text() for path in folder.iterdir() if path.is_file()}
+
+
+def no_step(one: Path, other: Path) -> None:
+    raise OSError(errno.ENOSYS, "Function not implemented")
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
-def test_a_swap_that_is_stopped_leaves_the_old_run_whole(
-    stop: int, error: type[BaseException], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_swap_that_is_stopped_before_its_step_leaves_the_old_run_whole(
+    error: type[BaseException], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = {"poses.csv": "old", "overlay.mp4": "old", "mine.txt": "mine"}
+    for name, text in old.items():
+        (tmp_path / name).write_text(text)
+    folder = RunFolder(tmp_path, force=True)
+    folder.write_text("poses.csv", "new")
+    folder.write_text("run.json", "new")
+
+    def stopped(*_: object) -> None:
+        raise error
+
+    # an error leads to the other way, which begins with a folder of its own
+    monkeypatch.setattr(swap, "exchange", stopped)
+    monkeypatch.setattr(swap, "_move", stopped)
+    with pytest.raises(SettingsError if error is OSError else error):
+        folder.finish()
+    folder.close()
+    assert contents(tmp_path) == old
+    assert [path.name for path in tmp_path.iterdir() if path.is_dir()] == ["unfinished"]
+    assert contents(tmp_path / "unfinished") == {"poses.csv": "new", "run.json": "new"}
+    assert (folder.finished, folder.stage) == (False, tmp_path / "unfinished")
+    assert not list(tmp_path.parent.glob(f".{tmp_path.name}*"))
+
+
+def test_a_swap_that_is_stopped_after_its_step_is_complete(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "poses.csv").write_text("old")
+    (tmp_path / "mine.txt").write_text("mine")
+    folder = RunFolder(tmp_path, force=True)
+    folder.write_text("run.json", "new")
+    carry, calls = swap._carry_over, []
+
+    def stopped(real: Path) -> None:
+        calls.append(real)
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        carry(real)
+
+    monkeypatch.setattr(swap, "_carry_over", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        folder.finish()
+    assert (folder.finished, folder.stage) == (True, tmp_path)
+    folder.close()
+    assert contents(tmp_path) == {"run.json": "new", "mine.txt": "mine"}
+
+
+@pytest.mark.parametrize("stays", ["no step", "working folder"])
+def test_a_folder_that_has_to_stay_gets_the_files_one_by_one(
+    stays: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if stays == "no step":
+        monkeypatch.setattr(swap, "exchange", no_step)
+    else:
+        monkeypatch.chdir(tmp_path)
+    (tmp_path / "poses.csv").write_text("old")
+    (tmp_path / "mine.txt").write_text("mine")
+    before = tmp_path.stat().st_ino
+    folder = RunFolder(tmp_path, force=True)
+    folder.write_text("run.json", "new")
+    folder.finish()
+    folder.close()
+    assert contents(tmp_path) == {"run.json": "new", "mine.txt": "mine"}
+    assert (tmp_path.stat().st_ino, len(list(tmp_path.iterdir()))) == (before, 2)
+
+
+@pytest.mark.parametrize("moved", range(5))
+def test_files_that_were_moved_one_by_one_are_settled_by_whoever_reads_them(
+    moved: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     old = {"poses.csv": "old", "overlay.mp4": "old"}
     for name, text in old.items():
@@ -42,28 +121,69 @@ def test_a_swap_that_is_stopped_leaves_the_old_run_whole(
     folder.write_text("run.json", "new")
     move, moves = os.replace, []
 
-    def stopped(source: Path, target: Path) -> None:
+    def killed(source: Path, target: Path) -> None:
+        if len(moves) >= moved:
+            raise OSError(errno.EIO, "Input/output error")
         moves.append(source)
-        if len(moves) == stop + 1:
-            raise error
         move(source, target)
 
-    monkeypatch.setattr(os, "replace", stopped)
-    with pytest.raises(SettingsError if error is OSError else error):
-        folder.finish()
-    assert {path.name: path.read_text() for path in tmp_path.iterdir() if path.is_file()} == old
-    assert {path.name for path in tmp_path.iterdir() if path.is_dir()} == {"unfinished"}
-    kept = {path.name: path.read_text() for path in (tmp_path / "unfinished").iterdir()}
-    assert kept == {"poses.csv": "new", "run.json": "new"}
+    with monkeypatch.context() as patch:
+        patch.setattr(swap, "exchange", no_step)
+        patch.setattr(os, "replace", killed)
+        # nothing can be undone either
+        patch.setattr(folder_module, "settle", lambda _: None)
+        if moved < 4:
+            with pytest.raises(SettingsError):
+                folder.finish()
+        else:
+            folder.finish()
+        folder.close()
+    recover(tmp_path)
+    assert contents(tmp_path) == (old if moved < 2 else {"poses.csv": "new", "run.json": "new"})
+    assert not list(tmp_path.glob(".monodyn*"))
 
 
-def test_what_an_interrupted_run_left_does_not_get_into_the_next(tmp_path: Path) -> None:
+def test_what_an_interrupted_run_left_is_kept_and_named(tmp_path: Path) -> None:
     (tmp_path / "poses.csv").write_text("old")
     (tmp_path / "unfinished").mkdir()
     for name in ("fit.json", ".poses.csv.part"):
         (tmp_path / "unfinished" / name).write_text("interrupted")
-    RunFolder(tmp_path, force=True)
+    folder = RunFolder(tmp_path, force=True)
     assert list((tmp_path / "unfinished").iterdir()) == []
+    kept = tmp_path / "unfinished_1"
+    assert contents(kept) == {"fit.json": "interrupted", ".poses.csv.part": "interrupted"}
+    assert folder.notes == [f"What a run that was stopped before had written is kept in '{kept}'."]
+    folder.write_text("fit.json", "new")
+    folder.finish()
+    folder.close()
+    assert contents(kept)["fit.json"] == "interrupted"
+
+
+def test_what_was_recorded_of_a_stream_is_kept(tmp_path: Path) -> None:
+    (tmp_path / RECORDING).write_text("half a film")
+    (tmp_path / "recording.mp4").write_text("mine")
+    folder = RunFolder(tmp_path)
+    folder.close()
+    assert contents(tmp_path / "unfinished_1") == {"recording.mp4": "half a film"}
+    assert contents(tmp_path) == {"recording.mp4": "mine"}
+
+
+def test_a_folder_of_somebody_else_is_not_taken_for_a_run(tmp_path: Path) -> None:
+    (tmp_path / "unfinished").mkdir()
+    (tmp_path / "unfinished" / "symphony.txt").write_text("mine")
+    folder = RunFolder(tmp_path)
+    folder.close()
+    assert folder.notes == []
+    assert contents(tmp_path / "unfinished") == {"symphony.txt": "mine"}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="forks")
+def test_a_run_that_is_killed_while_it_replaces_another_leaves_one_of_them() -> None:
+    script = Path(__file__).parents[2] / "benchmarks" / "killed.py"
+    for words in (("swap", "--every", "17"), ("recovery", "--every", "61")):
+        done = subprocess.run([sys.executable, script, *words], capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
 
 
 OTHER = FolderKind("experiment", ("page.html",), whole=True)
@@ -154,7 +274,9 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path, number: in
     )
     with refuses(SettingsError, said):
         folder.write("fit.json", fail)
-    assert list((tmp_path / "run").iterdir()) == []
+    assert [path.name for path in (tmp_path / "run").iterdir()] == [LOCK]
+    folder.close()
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_folder_that_cannot_be_made_says_why(tmp_path: Path) -> None:
@@ -173,6 +295,7 @@ def test_an_old_run_that_cannot_be_moved_says_so(tmp_path: Path, monkeypatch: py
     def fail(source: Path, target: Path) -> None:
         raise OSError(errno.EACCES, "Permission denied")
 
+    monkeypatch.setattr(swap, "exchange", fail)
     monkeypatch.setattr(os, "replace", fail)
     said = (
         f"out '{tmp_path}': cannot replace the old run (Permission denied); give another folder with --out."

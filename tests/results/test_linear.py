@@ -180,7 +180,7 @@ def test_bad_input_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         linearize(fit, [1.0, 2.0])
     with refuses(SettingsError, "actuated: joint 'slide' is not in the mechanism; joints: 'joint1'."):
         linearize(fit, [0.0], actuated=["slide"])
-    said = "actuated: expected one or more joints, each once, got []; joints: 'joint1'."
+    said = "actuated: expected one or more joints, each once, got none; joints: 'joint1'."
     with refuses(SettingsError, said):
         linearize(fit, [0.0], actuated=[])
     with refuses(SettingsError, "torque: expected one for each of the joints 'joint1', got [1.0, 2.0]."):

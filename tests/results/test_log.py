@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 
@@ -51,6 +52,18 @@ def test_a_failure_of_which_nothing_was_written_leaves_no_folder(tmp_path: Path)
     with pytest.raises(FitError), recorded(folder, log):
         raise FitError("It does not move.")
     assert not folder.path.exists()
+
+
+def test_the_settings_stand_beside_it_however_the_run_ends(tmp_path: Path) -> None:
+    for name, error in (("done", None), ("failed", FitError("It does not move."))):
+        folder = RunFolder(tmp_path / name)
+        log = RunLog("run", {"model": "double"}, RunSettings(), "model = 'double'\n")
+        folder.write_text("poses.csv", "frame")
+        with contextlib.suppress(FitError), recorded(folder, log):
+            if error is not None:
+                raise error
+        assert (folder.path / "run.toml").read_text(encoding="utf-8") == "model = 'double'\n"
+        assert read(folder)["files"] == ["poses.csv", "run.toml", *(["run.json"] if error is None else [])]
 
 
 def test_an_interruption_says_where_the_files_are(tmp_path: Path) -> None:

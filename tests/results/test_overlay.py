@@ -106,6 +106,16 @@ def test_film_keeps_the_stamps_and_the_size(make_clip: ClipMaker, tmp_path: Path
     assert pictures[2][1].endswith("predicted")
 
 
+@pytest.mark.parametrize(("begin", "first"), [(5.0, 5.0), (-1.0, 0.0), (1.7e9, 0.0)])
+def test_a_film_begins_when_its_clip_does(
+    make_clip: ClipMaker, tmp_path: Path, begin: float, first: float
+) -> None:
+    video = read(make_clip("clip.mp4", count=6))
+    film = tmp_path / "overlay.mp4"
+    write_overlay(film, video, motion(6, (64, 48), 4).drawing, begin=begin)
+    np.testing.assert_allclose(read(film).times, video.times - video.times[0] + first, atol=1e-4)
+
+
 def test_ink_changes_after_the_fitted_frames() -> None:
     scene = motion(4, (128, 96), 2)
     assert [scene.drawing(at(i)).outlines[0][1] for i in range(4)] == [FITTED, FITTED, PREDICTED, PREDICTED]

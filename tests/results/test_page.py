@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from fits import made_fit, record
 from monodyn.estimation.fit import Doubt
 from monodyn.mechanism import load
+from monodyn.results import page
 from monodyn.results.findings import Findings
-from monodyn.results.page import flat, page_text
+from monodyn.results.page import flat, page_text, plotting_script
 from monodyn.results.predict import predict
 from monodyn.results.trace import trace_of
 
@@ -20,7 +22,7 @@ def test_page_says_status_and_advice_first_and_escapes() -> None:
     fit = made_fit()
     trace = trace_of(fit, record(fit), predict(fit, until=1.2), name="<i>clip</i>")
     text = page_text(Findings(fit, [trace], "<script>alert(1)</script>", notes=("A & B",)))
-    assert text.index("<strong>Trusted. Identified from 20 frames.") < text.index("Parameters")
+    assert text.index("<strong>Trusted. Identified from 20 frames.") < text.index("What is known")
     assert "Measure &lt;b&gt;one&lt;/b&gt; mass &amp; be done." in text
     assert "<script>alert(1)" not in text
     assert "A &amp; B" in text
@@ -55,6 +57,14 @@ def test_page_needs_no_network() -> None:
     text = page_text(Findings(fit, [trace_of(fit, record(fit))], "x"))
     assert not re.search(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=[\"']?(?:https?:)?//", text)
     assert text.count("<script>") == text.count("</script>") == 2
+    assert text.count("Licensed under the MIT license") == 1
+
+
+def test_the_plotting_script_has_its_licence_beside_it() -> None:
+    folder = Path(page.__file__).parent / "plotly-basic"
+    assert "Permission is hereby granted" in (folder / "LICENSE").read_text(encoding="utf-8")
+    assert plotting_script().startswith("/**\n* plotly.js (basic - minified) v")
+    assert "</script" not in plotting_script()
 
 
 def test_page_of_a_fit_that_failed() -> None:

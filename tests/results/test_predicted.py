@@ -121,9 +121,8 @@ def test_a_length_that_moves_the_next_hinge_alone_is_told(tmp_path):
     # one that moves nothing has a mass in its place
     with refuses(
         SettingsError,
-        "fix: expected parameters on which the motion depends, got link2.length: in a run folder mass, "
-        "centre of mass and inertia stand for the sizes of link2; give link2.mass, link2.com_x or "
-        "link2.inertia, or identify again with monodyn run --fix link2.length=0.3.",
+        "fix: expected parameters on which the motion depends, got link2.length; in place of the "
+        "sizes of link2 give its .mass, .com_x or .inertia, or identify again with --fix link2.length=0.3.",
     ):
         predict_run(tmp_path / "run", None, Wanted(fix={"link2.length": 0.3}))
     alone = (

@@ -188,6 +188,24 @@ def test_what_are_no_masks_is_refused(tmp_path: Path) -> None:
         read_masks(folder, double)
 
 
+def test_masks_that_are_not_there_are_no_clip(tmp_path: Path) -> None:
+    (tmp_path / "masks.mp4").touch()
+    path = tmp_path / "nothing"
+    with refuses(
+        VideoError,
+        f"masks '{path}': expected a film, a folder of pictures or an array (.npz, .npy), found nothing; "
+        "check the path.",
+    ):
+        read_masks(path, load("double"))
+    path = tmp_path / "mask.mp4"
+    with refuses(
+        VideoError,
+        f"masks '{path}': expected a film, a folder of pictures or an array (.npz, .npy), found nothing; did "
+        f"you mean '{tmp_path / 'masks.mp4'}'?",
+    ):
+        read_masks(path, load("double"))
+
+
 def test_files_that_announce_too_much_are_refused(tmp_path: Path) -> None:
     for number in (0, 1, 2, 10**9):
         cv2.imwrite(str(tmp_path / f"m{number}.png"), np.full((24, 32), 255, np.uint8))

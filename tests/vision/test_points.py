@@ -62,7 +62,10 @@ def test_sites_of_a_file_are_marks(tmp_path: Path) -> None:
          "'link1', 'link2', 'world'); say what each is with --points.map NAME=TARGET, or leave it out with "
          "NAME=none."),
         (["joint1"], {"knee": "joint2"},
-         "points.map: expected points of the table ('joint1'), got 'knee'; correct the name."),
+         "points.map: point 'knee' is not in the table; points: 'joint1'."),
+        (["joint1", "a"], {"a": "jiont2"},
+         "point 'a=jiont2': expected a joint, a body (its far end), a site or the scene; did you mean "
+         "'joint2'?"),
         (["joint1", "a"], {"a": "joint1"},
          "points 'joint1' and 'a': expected one point at 'joint1', got two; leave one out with "
          "--points.map a=none."),

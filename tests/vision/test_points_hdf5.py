@@ -200,8 +200,8 @@ def test_hdf5_without_h5py(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     path = written(tmp_path, "a.h5", b"\x89HDF\r\n\x1a\n" + bytes(20))
     with refuses(
         VideoError,
-        "a.h5: reading HDF5 needs the package h5py, which is not installed; pip install h5py, or give the "
-        "points as CSV.",
+        "a.h5: reading HDF5 needs the package h5py, which is not installed; pip install 'monodyn[hdf5]', or "
+        "give the points as CSV.",
     ):
         read_points(path)
 

@@ -46,9 +46,8 @@ def test_a_still_compares_with_the_clip(make_clip: ClipMaker, tmp_path: Path) ->
     # 2 grey levels for the codec
     assert np.median(np.abs(picture.luma.astype(int) - first.luma)) <= 2
     path.write_bytes(b"no picture")
-    with refuses(
-        VideoError, f"picture '{path}': expected a png, jpg, bmp or tif picture, cannot read it as one."
-    ):
+    said = f"picture '{path}': expected a png, jpg, bmp or tif picture, cannot read it as one; save it anew."
+    with refuses(VideoError, said):
         read(path, still=True)
 
 

@@ -1,9 +1,10 @@
 """The commands: ``run``, ``live``, ``track``, ``identify``, ``predict``, ``control``, ``demo``, ``warm``,
 ``models``, ``reproduce``. The only place that prints.
 
-``options`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
+``table`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
 command into them. The stages themselves check the values; here their errors become one line on the error
-stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 130 interrupted.
+stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 130 interrupted, 143
+ended by SIGTERM.
 """
 
 from __future__ import annotations
@@ -13,35 +14,45 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any
 
-HELP = """usage: monodyn COMMAND ...
+HELP = """Usage: monodyn COMMAND ...
 
 A clip of a planar mechanism in, a simulator of it out.
 
-commands:
-  run       track a clip, identify the mechanism, predict, write the run folder
-  live      follow and identify a mechanism while a camera, a stream or a clip plays
-  track     track a clip and write poses.csv
-  identify  identify a mechanism from tables of joint positions
-  predict   predict how the mechanism of a run moves, from any state or moment
-  control   design a controller for the mechanism of a run, and simulate it
-  demo      run the clip that is installed with the program
-  warm      compile what runs need, once after installing
-  models    list the bundled mechanisms
-  reproduce repeat the experiment of the 2012 paper and write a page about it
+Commands:
+  run        track a clip, identify the mechanism, predict, write the run folder
+  live       follow and identify a mechanism while a camera, a stream or a clip plays
+  track      track a clip and write poses.csv
+  identify   identify a mechanism from tables of joint positions
+  predict    predict how the mechanism of a run moves, from any state or moment
+  control    design a controller for the mechanism of a run, and simulate it
+  demo       run the clip that is installed with the program
+  warm       compile what runs need, once after installing
+  models     list the bundled mechanisms
+  completion print a script by which bash, zsh or fish completes command lines
+  reproduce  repeat the experiment of the 2012 paper and write a page about it
 
-examples:
+Examples:
   monodyn run clip.mp4 --model double.xml --out run
   monodyn run clip.mp4 --model chain:3 --out run --fit-frames 0:120 --fix gravity=9.81
+  monodyn run --config run/run.toml --out again
   monodyn live 0 --model double.xml --view 8000 --out run
   monodyn identify run/poses.csv --model run --out fit
   monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead --film
   monodyn control run --at joint1=1.5708 --actuated slide --out balance
 
-monodyn COMMAND --help lists the options of a command. Exit codes: 0 done; 1 the fit is not to be trusted;
-2 bad input or usage; 130 interrupted.
+monodyn COMMAND --help shows the options of a command that most people need, --help-all all of them.
+
+Exit codes: 0 done; 1 the fit is not to be trusted; 2 bad input or usage; 130 interrupted; 143 ended by
+SIGTERM.
 """
+
+SIGNALLED = 128
+"""The exit code of a program that a signal has ended is this much more than the number of the signal."""
+INTERRUPT = 2
+"""The number of Ctrl-C (SIGINT)."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -54,9 +65,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code.
     """
     try:
-        from monodyn.cli.streams import safe
+        from monodyn.cli.streams import alone, safe
 
-        with safe():
+        # whoever calls us in a process of their own wants to hear what libraries say
+        with alone() if argv is None else nullcontext(), safe():
             return _main(list(sys.argv[1:] if argv is None else argv))
     # before anything was loaded, or while the streams are put back
     except KeyboardInterrupt:
@@ -69,11 +81,12 @@ def _main(words: list[str]) -> int:
     from monodyn.cli.streams import never_lost
     from monodyn.errors import FitError, MonodynError, is_interrupt
 
+    came: list[int] = []
     try:
-        with never_lost():
+        with never_lost() as came:
             return _dispatch(words)
     except KeyboardInterrupt as stop:
-        return _interrupted(*stop.args)
+        return _interrupted(*stop.args, number=(*came, INTERRUPT)[0])
     except Exception as error:
         # an import that is stopped may come out as a package that is not installed
         if is_interrupt(error):
@@ -87,17 +100,15 @@ def _main(words: list[str]) -> int:
         raise
 
 
-def _interrupted(said: str = "nothing was written.") -> int:
-    """Say that Ctrl-C was pressed, and what there is."""
-    _fail(f"interrupted; {said}")
-    return 130
+def _interrupted(said: str = "nothing was written.", number: int = INTERRUPT) -> int:
+    """Say that Ctrl-C was pressed, or SIGTERM was sent, and what there is; return the exit code."""
+    _fail(f"{'interrupted' if number == INTERRUPT else 'terminated'}; {said}")
+    return SIGNALLED + number
 
 
 def _unusable(error: OSError) -> str:
     """Say which place the system could not use."""
-    # a name that is too long is what the error is about: its ends are enough to find it
     name = str(error.filename or "a file")
-    name = name if len(name) < 200 else f"{name[:80]}...{name[-40:]}"
     return f"'{name}': expected a place the system can use, got '{error.strerror or error}'; give another."
 
 
@@ -106,10 +117,11 @@ def _dispatch(words: list[str]) -> int:
 
     if not words or words[0] in ("-h", "--help", "help", "-V", "--version"):
         import monodyn
+        from monodyn.cli.pages import fitted
 
         with printing():
             version = bool(words) and words[0] in ("-V", "--version")
-            print(f"monodyn {monodyn.__version__}\n" if version else HELP, end="")
+            print(f"monodyn {monodyn.__version__}\n" if version else fitted(HELP), end="")
         return 0 if words else 2
     # a process that ends need not search all that it holds for circles, which takes a third of a second
     atexit.register(gc.freeze)
@@ -132,5 +144,16 @@ def _dispatch(words: list[str]) -> int:
     return options.go()
 
 
+MOST_LETTERS = 300
+"""Letters of a message, at most."""
+
+
 def _fail(message: str) -> None:
-    print(f"monodyn: {' '.join(message.split())}", file=sys.stderr)
+    from monodyn.names import short
+
+    # what was given is repeated in it, however long: the ends of a word are enough to find it
+    for longest in (120, 60, 30):
+        words = [short(word, longest) for word in message.split()]
+        if len(line := " ".join(words)) <= MOST_LETTERS:
+            break
+    print(f"monodyn: {short(line, MOST_LETTERS)}", file=sys.stderr)

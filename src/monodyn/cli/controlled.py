@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from tyro import conf
-
-from monodyn.cli.forms import Words, intervals, names, values
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from monodyn.results.controlled import Controlled
@@ -24,7 +20,7 @@ class ControlOptions:
     Attributes:
         run: Folder of a run that identified a mechanism.
         at: Joint positions of the equilibrium [rad, m for slides], e.g. joint1=1.5708; those left out are 0.
-        actuated: Joints with a motor, e.g. slide.
+        actuated: Joints with a motor, e.g. slide; commas between several.
         out: Folder for control.json, control.html, control.mp4 and model.xml; nothing is written when left
             out.
         swing: Swing it up from where it hangs, or from --start, then balance it.
@@ -39,24 +35,26 @@ class ControlOptions:
             joint is to be, rate, a multiple of these [1/s], effort, a share of a motor's usual torque; e.g.
             effort=1,length=0.05. Those left out are 0.1, 0.1, 30 and 0.5.
         draws: Mechanisms drawn from the covariance of the parameters, all of which the gains should hold.
-        seed: Of the draws.
-        film: Write control.mp4, too; --no-film leaves it out.
+        seed: Seed of the draws.
+        film: Write control.mp4, too.
         force: Replace a controller that is already in DIR.
-        quiet: No progress, nothing printed.
-        json: The result as JSON on the standard output.
+        quiet: Show no progress and print nothing.
+        json: Print the result as JSON, in place of tables.
     """
 
-    run: Annotated[conf.Positional[Path], conf.arg(metavar="RUN")]
-    at: Annotated[Words, conf.arg(metavar="JOINT=POSITION ...")] = ()
-    actuated: Annotated[Words, conf.arg(metavar="JOINT ...")] = ()
-    out: Annotated[Path | None, conf.arg(metavar="DIR")] = None
+    run: Path = field(metadata={"metavar": "RUN", "word": True})
+    at: Mapping[str, float] = field(default_factory=dict, metadata={"metavar": "JOINT=POSITION ..."})
+    actuated: Sequence[str] = field(default=(), metadata={"metavar": "JOINT"})
+    out: Path | None = field(default=None, metadata={"metavar": "DIR"})
     swing: bool = False
-    start: Annotated[Words, conf.arg(metavar="JOINT=POSITION ...")] = ()
-    limit: Annotated[Words, conf.arg(metavar="JOINT=TORQUE ...")] = ()
-    within: Annotated[Words, conf.arg(metavar="JOINT=LOW:HIGH ...")] = ()
-    seconds: Annotated[float | None, conf.arg(metavar="S")] = None
-    rate: Annotated[float, conf.arg(metavar="HZ")] = 200.0
-    allowed: Annotated[Words, conf.arg(metavar="NAME=VALUE ...")] = ()
+    start: Mapping[str, float] = field(default_factory=dict, metadata={"metavar": "JOINT=POSITION ..."})
+    limit: Mapping[str, float] = field(default_factory=dict, metadata={"metavar": "JOINT=TORQUE ..."})
+    within: Mapping[str, tuple[float, float]] = field(
+        default_factory=dict, metadata={"metavar": "JOINT=LOW:HIGH ..."}
+    )
+    seconds: float | None = field(default=None, metadata={"metavar": "S"})
+    rate: float = field(default=200.0, metadata={"metavar": "HZ"})
+    allowed: Mapping[str, float] = field(default_factory=dict)
     draws: int = 50
     seed: int = 0
     film: bool = True
@@ -74,15 +72,15 @@ class ControlOptions:
         from monodyn.results.controlled import Aim, control_run
 
         aim = Aim(
-            at=values("at", self.at),
-            actuated=names("actuated", self.actuated),
+            at=self.at,
+            actuated=self.actuated,
             swing=self.swing,
-            start=values("start", self.start) or None,
-            limit=values("limit", self.limit),
-            within=intervals("within", self.within),
+            start=self.start or None,
+            limit=self.limit,
+            within=self.within,
             seconds=self.seconds,
             rate=self.rate,
-            allowed=_allowed(values("allowed", self.allowed)),
+            allowed=_allowed(self.allowed),
             draws=self.draws,
             seed=self.seed,
         )

@@ -1,16 +1,15 @@
 """``monodyn demo``: the main job on the clip that is installed with the program; ``monodyn warm``: the same
-where nobody looks, so that what an ordinary clip needs is compiled."""
+where nobody looks, so that what an ordinary clip needs is compiled; ``monodyn models``: the mechanisms that
+are installed with it."""
 
 from __future__ import annotations
 
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from tyro import conf
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from monodyn.types import Progress
@@ -27,11 +26,11 @@ class DemoOptions:
     Attributes:
         out: Folder for the results.
         force: Replace a run that is already in DIR.
-        quiet: No progress, no table.
-        json: The result as JSON on the standard output.
+        quiet: Show no progress and print nothing.
+        json: Print the result as JSON, in place of tables.
     """
 
-    out: Annotated[Path, conf.arg(metavar="DIR")] = Path("demo-run")
+    out: Path = field(default=Path("demo-run"), metadata={"metavar": "DIR"})
     force: bool = False
     quiet: bool = False
     json: bool = False
@@ -51,7 +50,7 @@ class WarmOptions:
     """Compile what ordinary runs and streams need, once after installing; what is compiled is only loaded.
 
     Attributes:
-        quiet: No progress, no line at the end.
+        quiet: Show no progress and print nothing.
     """
 
     quiet: bool = False
@@ -69,6 +68,23 @@ class WarmOptions:
                 "camera, motion blur or the published method needs still is at first use."
             )
         return 0
+
+
+@dataclass(frozen=True)
+class ModelsOptions:
+    """List the bundled mechanisms with their joints and sizes.
+
+    Attributes:
+        json: Print the list as JSON.
+    """
+
+    json: bool = False
+
+    def go(self) -> int:
+        """Return the exit code after running the command."""
+        from monodyn.cli.show import show_models
+
+        return show_models(as_json=self.json)
 
 
 def warm(progress: Progress | None = None) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from monodyn.cli import SIGNALLED
 from monodyn.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -27,7 +29,7 @@ STANDARD = "-"
 
 
 def go_live(options: Any) -> int:
-    """Return the exit code after following a stream until it ends, or Ctrl-C.
+    """Return the exit code after following a stream until it ends, or Ctrl-C or SIGTERM.
 
     Args:
         options: What the user wants, as ``options.LiveOptions`` has it.
@@ -35,7 +37,7 @@ def go_live(options: Any) -> int:
     Raises:
         SettingsError: an option, or a place for results, cannot be used.
     """
-    settings, live = options.settings(), options.live_settings()
+    settings, live = options.settings, options.live
     if options.ndjson == STANDARD and options.json:
         raise SettingsError(
             "ndjson: expected a file next to --json, got the standard output, which that takes; name a file, "
@@ -52,12 +54,13 @@ def go_live(options: Any) -> int:
         watch = stack.enter_context(_Watch(options, live.ahead, meter, view, lines))
         from monodyn.live.run import follow
 
-        stack.enter_context(first_press(watch.stop))
+        came = stack.enter_context(first_press(watch.stop))
         outcome = follow(
             options.source, options.model, options.out, live, settings, shown=watch.shown,
             force=options.force, progress=watch.progress,
         )  # fmt: skip
-    return _printed(options, outcome, watch)
+    code = _printed(options, outcome, watch)
+    return SIGNALLED + signal.SIGTERM if signal.SIGTERM in came else code
 
 
 class _Watch:
@@ -100,13 +103,14 @@ class _Watch:
         if self._screen is not None:
             self._screen.add(step)
 
-    def stop(self) -> None:
-        """End the stream; before its first frame there is nothing to keep."""
+    def stop(self) -> bool:
+        """End the stream; before its first frame there is nothing to keep, and False is returned."""
         if self.session is None:
-            raise KeyboardInterrupt
+            return False
         self.session.stop()
         if self._screen is not None:
             self._screen.stopping = True
+        return True
 
     def progress(self, step: str, done: int, total: int | None) -> None:
         """Show how far the results are: a bar where the frames were shown before."""
@@ -251,9 +255,10 @@ def _screen(options: Any, ahead: float, meter: Meter) -> Any:
     # lines of JSON on the same terminal would be drawn over
     if options.quiet or (options.ndjson == STANDARD and sys.stdout.isatty()):
         return None
+    from monodyn.cli.show import drawable
     from monodyn.live.terminal import PlainLines, Terminal
 
-    if not sys.stderr.isatty():
+    if not drawable(sys.stderr):
         return PlainLines(sys.stderr, options.name, meter)
     from rich.console import Console
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from tyro import conf
-
-from monodyn.cli.forms import Words, tolerance, values
+from monodyn.choices import Tolerance
 
 if TYPE_CHECKING:
-    from monodyn.choices import Tolerance
     from monodyn.results.predicted import Predicted
 
 SHOWN_ROWS = 11
@@ -38,21 +36,23 @@ class PredictOptions:
         film: Draw the motion over the first frame of the clip, as prediction.mp4.
         clip: Where the clip is, if no longer where the run found it.
         force: Replace a prediction that is already in DIR.
-        quiet: No progress, no table.
-        json: The result as JSON on the standard output.
+        quiet: Show no progress and print nothing.
+        json: Print the result as JSON, in place of tables.
     """
 
-    run: Annotated[conf.Positional[Path], conf.arg(metavar="RUN")]
-    start: Annotated[Words, conf.arg(name="from", metavar="JOINT=POSITION ...")] = ()
-    rates: Annotated[Words, conf.arg(metavar="JOINT=RATE ...")] = ()
-    at: Annotated[float | None, conf.arg(metavar="S")] = None
-    until: Annotated[float | None, conf.arg(metavar="S")] = None
-    fix: Annotated[Words, conf.arg(metavar="NAME=VALUE ...")] = ()
+    run: Path = field(metadata={"metavar": "RUN", "word": True})
+    start: Mapping[str, float] = field(
+        default_factory=dict, metadata={"name": "from", "metavar": "JOINT=POSITION ..."}
+    )
+    rates: Mapping[str, float] = field(default_factory=dict, metadata={"metavar": "JOINT=RATE ..."})
+    at: float | None = field(default=None, metadata={"metavar": "S"})
+    until: float | None = field(default=None, metadata={"metavar": "S"})
+    fix: Mapping[str, float] = field(default_factory=dict)
     record: int = 0
-    tolerance: Annotated[str | None, conf.arg(metavar="ANGLE,LENGTH")] = None
-    out: Annotated[Path | None, conf.arg(metavar="DIR")] = None
+    tolerance: Tolerance = field(default_factory=Tolerance)
+    out: Path | None = field(default=None, metadata={"metavar": "DIR"})
     film: bool = False
-    clip: Annotated[Path | None, conf.arg(metavar="CLIP")] = None
+    clip: Path | None = field(default=None, metadata={"metavar": "CLIP"})
     force: bool = False
     quiet: bool = False
     json: bool = False
@@ -70,13 +70,13 @@ class PredictOptions:
         if self.film and self.out is None:
             raise SettingsError("film: expected a folder for it, got none; name one with --out.")
         wanted = Wanted(
-            positions=values("from", self.start) or None,
-            rates=values("rates", self.rates),
+            positions=self.start or None,
+            rates=self.rates,
             at=self.at,
             until=self.until,
-            fix=values("fix", self.fix),
+            fix=self.fix,
             record=self.record,
-            tolerance=tolerance("tolerance", self.tolerance),
+            tolerance=self.tolerance,
         )
         with progress_on(sys.stderr, quiet=self.quiet) as progress:
             found = predict_run(

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from tyro import conf
+from typing import TYPE_CHECKING
 
 from monodyn.errors import SettingsError
 
@@ -35,19 +33,19 @@ class ReproduceOptions:
         truth: The true motion of --clip: a JSON document with q by frame [rad, m for slides], or a table as
             monodyn identify reads it.
         force: Replace an experiment that is already in DIR.
-        quiet: No progress, no table.
+        quiet: Show no progress and print nothing.
         seed: Random numbers of the made clips, of the drawn pendulums and of the start values.
         seeds: How many pendulums: the usual one, then others drawn by --seed; 3 unless --clip is given.
     """
 
-    out: Annotated[Path, conf.arg(metavar="DIR")]
-    clip: Annotated[Path | None, conf.arg(metavar="CLIP")] = None
-    model: Annotated[str | None, conf.arg(metavar="MODEL")] = None
-    truth: Annotated[Path | None, conf.arg(metavar="FILE")] = None
+    out: Path = field(metadata={"metavar": "DIR"})
+    clip: Path | None = field(default=None, metadata={"metavar": "CLIP"})
+    model: str | None = field(default=None, metadata={"metavar": "MODEL", "file": True})
+    truth: Path | None = None
     force: bool = False
     quiet: bool = False
     seed: int = 0
-    seeds: Annotated[int | None, conf.arg(metavar="N")] = None
+    seeds: int | None = None
 
     def go(self) -> int:
         """Return the exit code after running the command.
@@ -65,8 +63,11 @@ class ReproduceOptions:
             )
         from monodyn.cli.show import progress_on
         from monodyn.cli.streams import printing
+        from monodyn.settings import published_method
+
+        with published_method():
+            from monodyn.reproduce.experiment import ReproduceSettings, reproduce
         from monodyn.reproduce.clip import ClipSettings
-        from monodyn.reproduce.experiment import ReproduceSettings, reproduce
         from monodyn.reproduce.given import GivenClip
         from monodyn.reproduce.plans import Design
 
@@ -109,6 +110,8 @@ def _print(made: Experiment) -> None:
     for claim in made.claims:
         said = [claim.judged[method].words.ljust(16) for method in methods]
         print("  ".join([claim.text.ljust(width), *said]).rstrip())
+    for note in made.notes:
+        print(f"\n{note}")
     print(f"\n{made.seconds:.0f} s. page: {made.folder / 'reproduce.html'}")
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -20,6 +21,14 @@ if TYPE_CHECKING:
 
 STYLES = {"trusted": "bold green", "approximate": "bold yellow", "refused": "bold red"}
 """How the status is shown, by grade."""
+WIDEST = 10_000
+"""Columns of what tables are laid out on."""
+USUAL = 80
+"""Columns of a terminal that does not say how many it has."""
+BESIDE = 46
+"""Columns beside a bar: what it is of, how many, how fast and how long still."""
+NARROWEST = BESIDE + 8
+"""Columns of a terminal below which progress is written in lines, as where there is none."""
 
 
 @contextmanager
@@ -32,27 +41,47 @@ def progress_on(stream: TextIO, *, quiet: bool) -> Iterator[Progress | None]:
     """
     if quiet:
         yield None
-    elif stream.isatty():
-        yield from _bars(stream)
+    elif width := drawable(stream):
+        yield from _bars(stream, width)
     else:
         lines = _ProgressLines(stream)
         yield lines
         lines.close()
 
 
-def _bars(stream: TextIO) -> Iterator[Progress]:
+def drawable(stream: TextIO) -> int:
+    """Return the columns of a terminal that can be drawn on: 0 where it is too narrow, or is none.
+
+    Args:
+        stream: The terminal, or what is none.
+    """
+    if not stream.isatty():
+        return 0
+    said, width = os.environ.get("COLUMNS", ""), USUAL
+    if said.isdecimal():
+        width = int(said)
+    else:
+        with suppress(OSError, ValueError):
+            # a terminal without a size says 0
+            width = os.get_terminal_size(stream.fileno()).columns or USUAL
+    return width if width >= NARROWEST else 0
+
+
+def _bars(stream: TextIO, width: int) -> Iterator[Progress]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
         TextColumn("{task.description:<12}"),
-        BarColumn(bar_width=32),
+        BarColumn(bar_width=max(1, min(32, width - BESIDE))),
         MofNCompleteColumn(),
         TextColumn("{task.fields[speed]:>9}"),
         TimeRemainingColumn(compact=True),
     )
     begun: dict[str, tuple[Any, float]] = {}
-    with Progress(*columns, console=Console(file=stream, stderr=True), refresh_per_second=8) as bars:
+    with Progress(
+        *columns, console=Console(file=stream, stderr=True, width=width), refresh_per_second=8
+    ) as bars:
 
         def progress(step: str, done: int, total: int | None) -> None:
             if step not in begun:
@@ -167,7 +196,8 @@ def console() -> Any:
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError
 
-    return PipeConsole(highlight=False, soft_wrap=True)
+    # no cell of a table is cut, whatever the terminal says of its width: it breaks lines that are too long
+    return PipeConsole(highlight=False, soft_wrap=True, width=WIDEST)
 
 
 def _print_comparison(out: Any, rows: list[dict[str, Any]]) -> None:

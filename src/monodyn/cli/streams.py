@@ -1,22 +1,35 @@
-"""What may be missing or lost: a closed pipe, a full disk, no folder for compiled functions, Ctrl-C."""
+"""What may be missing or lost: a closed pipe, a full disk, no folder for compiled functions, Ctrl-C.
+
+SIGTERM, by which one program ends another, is as Ctrl-C.
+"""
 
 from __future__ import annotations
 
-import _thread
+import codecs
 import contextlib
+import faulthandler
 import os
 import signal
 import sys
 import tempfile
 import threading
+import time
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
-from monodyn.errors import SettingsError
+from monodyn.errors import SettingsError, is_interrupt
 
+SPELT = "monodyn-spelt"
+"""Name of what is done with a letter that a stream cannot encode."""
+SPELLINGS = {"−": "-", "–": "-", "±": "+-", "×": "x", "∞": "inf"}
+"""Letters that numbers are written with, in those that every stream can encode."""
 SOON = 0.05
-"""How much later a lost Ctrl-C comes again [s]."""
+"""How much later a Ctrl-C comes again that may have been lost [s]."""
+ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+"""Signals that end the program, and what Python does at each unless somebody else has taken it."""
 
 
 class _Lossy:
@@ -48,6 +61,46 @@ class _Lossy:
         return getattr(self._stream, name)
 
 
+def _spell(error: UnicodeError) -> tuple[str, int]:
+    """Return what stands for letters that a stream cannot encode: a minus must not become a question mark."""
+    assert isinstance(error, UnicodeEncodeError)
+    lost = error.object[error.start : error.end]
+    return "".join(SPELLINGS.get(letter, "?") for letter in lost), error.end
+
+
+codecs.register_error(SPELT, _spell)
+
+
+@contextlib.contextmanager
+def alone() -> Iterator[None]:
+    """Keep what libraries write on the error stream by themselves away from the user: warnings of Python, and
+    the lines of decoders written in C, which know of no other place.
+
+    What they find wrong is found by us as well, and said in one line. The process has to be our own.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    usual = sys.stderr
+    try:
+        # theirs is the number 2, whatever Python has behind its name
+        if usual is not None and usual.fileno() == 2:
+            sys.stderr = os.fdopen(os.dup(2), "w", 1, encoding=usual.encoding, errors=usual.errors)
+            # a crash in their code, which leaves nothing else to read
+            faulthandler.enable(sys.stderr)
+            _silence(usual)
+    except (OSError, ValueError):
+        sys.stderr = usual
+    try:
+        yield
+    finally:
+        ours, sys.stderr = sys.stderr, usual
+        if ours is not None and ours is not usual:
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(ours.fileno(), 2)
+                faulthandler.disable()
+                ours.flush()
+
+
 @contextlib.contextmanager
 def safe() -> Iterator[None]:
     """Make both streams print whatever they can and never fail on a name; a lost error stream is no error."""
@@ -65,7 +118,7 @@ def safe() -> Iterator[None]:
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
-            reconfigure(errors="replace")
+            reconfigure(errors=SPELT)
     sys.stderr = _Lossy(sys.stderr)
     try:
         yield
@@ -74,75 +127,121 @@ def safe() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def never_lost() -> Iterator[None]:
-    """Have Ctrl-C end the program also where Python drops it, or a library makes another error of it.
+def never_lost() -> Iterator[list[int]]:
+    """Have Ctrl-C end the program also where Python or a library drops it, or makes another error of it.
 
     Python drops it in callbacks, with a traceback on the error stream: of its own at the end of every
-    import, of which there are thousands in the first second, and of the compiler of numba.
+    import, of which there are thousands in the first second, and of the compiler of numba. Libraries written
+    in C clear it where they look whether something is there. So it comes again until it is on its way up:
+    then it is being handled wherever code of Python runs.
+
+    Yields:
+        The signals that came, in their order.
 
     Raises:
         KeyboardInterrupt: Ctrl-C was pressed, and something failed for the want of what it stopped.
     """
-    usual, pressed, waiting = sys.unraisablehook, [], []
+    usual, main = sys.unraisablehook, threading.current_thread() is threading.main_thread()
+    # whoever calls us from a thread, or has a handler of their own, has other ways to end us
+    ours = [number for number, handler in ENDING.items() if main and signal.getsignal(number) is handler]
+    came: list[int] = []
+    dropped: list[bool] = []
+    again: list[bool] = []
+    over: list[bool] = []
+    # unlike all that has a lock it may be used in a handler, whatever that has interrupted
+    doubtful: SimpleQueue[bool] = SimpleQueue()
 
-    def hook(lost: Any) -> None:
-        if not issubclass(lost.exc_type, KeyboardInterrupt):
-            usual(lost)
-            return
-        # pressed again in here it would be dropped again
-        again = threading.Timer(SOON, _thread.interrupt_main)
-        again.daemon = True
-        waiting.append(again)
-        again.start()
+    def repeat() -> None:
+        while doubtful.get():
+            time.sleep(SOON)
+            if over:
+                return
+            again.append(True)
+            _send(ours[0])
 
     def press(number: int, frame: Any) -> None:
-        pressed.append(number)
-        signal.default_int_handler(number, frame)
+        doubtful.put(True)
+        if not again:
+            came.append(number)
+            raise KeyboardInterrupt
+        again.clear()
+        if not is_interrupt(sys.exc_info()[1]):
+            raise KeyboardInterrupt
 
-    # whoever calls us from a thread, or has a handler of their own, has other ways to end us
-    ours = (
-        threading.current_thread() is threading.main_thread()
-        and signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    )
+    def hook(lost: Any) -> None:
+        if ours and issubclass(lost.exc_type, KeyboardInterrupt):
+            dropped.append(True)
+            doubtful.put(True)
+        else:
+            usual(lost)
+
     sys.unraisablehook = hook
+    watch = threading.Thread(target=repeat, name="ctrl-c", daemon=True)
     try:
         if ours:
-            signal.signal(signal.SIGINT, press)
-        yield
+            watch.start()
+        for number in ours:
+            signal.signal(number, press)
+        yield came
     except Exception as error:
         # where a library written in C was loaded, the error does not tell what is behind it
-        if pressed or waiting:
+        if came or dropped:
             raise KeyboardInterrupt from error
         raise
     finally:
-        sys.unraisablehook = usual
-        if ours:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-        for again in waiting:
-            again.cancel()
+        over.append(True)
+        doubtful.put(False)
+        try:
+            # what it has sent comes while it can still be told from another press
+            if ours:
+                watch.join()
+        finally:
+            for number in ours:
+                signal.signal(number, ENDING[number])
+            sys.unraisablehook = usual
+
+
+def _send(number: int) -> None:
+    """Send a signal to the main thread, which wakes it wherever it waits."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
+    else:
+        signal.raise_signal(number)
 
 
 @contextlib.contextmanager
-def first_press(stop: Callable[[], None]) -> Iterator[None]:
+def first_press(stop: Callable[[], bool]) -> Iterator[list[int]]:
     """Have the first Ctrl-C in the block be its normal end; the next one ends the program, as ever.
 
     Args:
-        stop: What to do then, at once; it must not wait for anything.
+        stop: What to do then, at once; it must not wait for anything. False says that nothing had begun, and
+            the program ends.
+
+    Yields:
+        The signals that came and ended the block so.
     """
-    usual = signal.getsignal(signal.SIGINT)
+    came: list[int] = []
+    main = threading.current_thread() is threading.main_thread()
+    taken = {number: signal.getsignal(number) for number in ENDING if main}
+    usual = {number: handler for number, handler in taken.items() if callable(handler)}
 
-    def press(*_: object) -> None:
-        signal.signal(signal.SIGINT, usual)
-        stop()
+    def restore() -> None:
+        for number, handler in usual.items():
+            signal.signal(number, handler)
 
-    ours = threading.current_thread() is threading.main_thread() and callable(usual)
-    if ours:
-        signal.signal(signal.SIGINT, press)
+    def press(number: int, frame: Any) -> None:
+        restore()
+        if stop():
+            came.append(number)
+        else:
+            usual[signal.Signals(number)](number, frame)
+
     try:
-        yield
+        for number in usual:
+            signal.signal(number, press)
+        yield came
     finally:
-        if ours:
-            signal.signal(signal.SIGINT, usual)
+        restore()
 
 
 @contextlib.contextmanager

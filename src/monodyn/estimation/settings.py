@@ -25,14 +25,15 @@ class IdentifySettings:
 
     Attributes:
         method: ``fast``: parameters and start state in one weighted least squares; ``paper``: eq. (14) of
-            the 2012 paper, start state from the filtered poses; None is as the whole run.
-        torque: What acts at the joints: ``friction`` (viscous and dry), ``fourier`` (a periodic torque as a
-            Fourier series), ``free`` (one torque a joint and time stamp), or ``auto``, the simplest that the
-            evidence supports, quadratic drag among them (with ``paper`` as ``friction``); see ``series``
-            for friction.
-        terms: Harmonics of the Fourier series; 0 takes as many as the record supports, 7 with ``paper``.
+            the 2012 paper, start state from the filtered poses; that of the whole run when left out.
+        torque: What acts at the joints: ``friction``: viscous and dry; ``fourier``: a periodic torque as a
+            Fourier series; ``free``: one torque a joint and time stamp; ``auto``: the simplest that the
+            evidence supports, quadratic drag among them (with the method ``paper`` as ``friction``); see
+            ``series`` for friction next to a torque over time.
+        terms: Harmonics of the Fourier series; 0 takes as many as the record supports, 7 with the method
+            ``paper``.
         series: ``with-friction`` keeps friction in addition to a torque over time, ``alone`` leaves it out;
-            None is with friction, and alone with ``paper``.
+            with friction when left out, and alone with the method ``paper``.
         bodies: ``uniform``: mass and inertia follow from sizes and density; ``free``: each body's mass,
             centre of mass and inertia are unknowns; ``auto``: uniform, free where only dots are seen, and
             with the torque ``auto`` where the evidence is for it.
@@ -41,7 +42,7 @@ class IdentifySettings:
         piece: Measured samples in each of the short rollouts the search begins with.
         error_bound: The integration error of a rollout stays below this [rad or m].
         outlier: A sample is left out when its residual is above this many typical ones, 3 or more; 0 keeps
-            all, as ``paper`` always does.
+            all, as the method ``paper`` always does.
         evaluations: Evaluations of the model in one search, at most.
         uncertainty: Where intervals come from: ``linear``, the covariance at the optimum, or where sizes are
             assumed that nothing measures, draws in the inertias in which the motion is linear; ``profile``,
@@ -71,12 +72,12 @@ class IdentifySettings:
         if self.torque != "fourier" and self.terms:
             raise SettingsError(
                 "identify.terms: expected --identify.torque fourier with it, got "
-                f"'{self.torque}'; add it, or leave it out."
+                f"'{self.torque}'; choose that torque, or leave the terms out."
             )
         if self.torque in ("auto", "friction") and self.series is not None:
             raise SettingsError(
                 "identify.series: expected --identify.torque fourier or free with it, got "
-                f"'{self.torque}'; add it, or leave it out."
+                f"'{self.torque}'; choose one of them, or leave the series out."
             )
         ranges = (
             ("terms", 0, MOST_TERMS),

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from monodyn.errors import SettingsError
+from monodyn.names import known
 from monodyn.types import TorqueLog
 
 PLACES = (0.001, 0.333, 0.667, 0.999)
@@ -40,8 +41,7 @@ class Applied:
         for name, value in (torques or {}).items():
             if name not in self._joints:
                 raise SettingsError(
-                    f"apply: expected torques by joint ({', '.join(self._joints)}), got '{name}'; correct "
-                    "the name."
+                    f"apply: joint '{name}' is not in the mechanism; {known('joints', self._joints, name)}"
                 )
             if not np.isfinite(value):
                 raise SettingsError(f"apply: expected a finite torque for {name}, got {value}.")

@@ -19,17 +19,18 @@ from monodyn.live.sources import Pictures, open_source
 from monodyn.live.step import Step
 from monodyn.live.stream import Session
 from monodyn.pipeline import concluded
-from monodyn.results.folder import RunFolder
+from monodyn.results.folder import RECORDING, RunFolder
 from monodyn.results.log import RunLog, recorded
 from monodyn.results.opened import origins
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
+from monodyn.settings_file import settings_text
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.release import FreeSpan
 
-CLIP, RECORDING = "clip.mp4", "recording.mp4"
-"""What a stream is recorded as, in the end and until then."""
+CLIP = "clip.mp4"
+"""What a stream is recorded as in the end."""
 
 
 def follow(
@@ -72,7 +73,11 @@ def follow(
             _go(session, shown, None)
         return None
     inputs = input_files(clip, model, settings)
-    log = RunLog("live", inputs, settings)
+    # pictures of a program are no source of a command
+    again = ""
+    if isinstance(source, (int, str, Path)):
+        again = settings_text("live", {"source": source, "model": model}, settings, live)
+    log = RunLog("live", inputs, settings, again)
     folder = RunFolder(out, force=force, inputs=(*inputs.values(), *origins(model), settings.background))
     with recorded(folder, log):
         with log.stage("live"), Session(opened, mechanism, live, settings) as session:

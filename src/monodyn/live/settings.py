@@ -20,8 +20,8 @@ class LiveSettings:
     """How a stream is read and followed.
 
     Attributes:
-        pace: A file as fast as it goes, none of its frames skipped, or at the pace of its time stamps, as a
-            camera would show it.
+        pace: How a file is read: ``fast``: as fast as it goes, none of its frames skipped; ``real``: at the
+            pace of its time stamps, as a camera would show it.
         begin: Seconds of motion that are watched before the mechanism is looked for; longer ones are waited
             for where these do not show it.
         ahead: How far ahead the motion is predicted at every frame [s].
@@ -32,7 +32,8 @@ class LiveSettings:
         queue: Frames that may wait to be followed; of a camera that is faster some are skipped and counted.
         patience: Seconds without a frame after which a camera or a stream counts as gone.
         size: Width and height of raw frames [px], e.g. 640,480.
-        pixels: How raw frames store their pixels.
+        pixels: How raw frames store their pixels: ``gray``: one byte of grey; ``rgb24`` or ``bgr24``: three
+            bytes, red or blue first; ``yuv420p``: a plane of grey, then two of colour of half its sides.
     """
 
     pace: Pace = "fast"

@@ -26,6 +26,9 @@ UNUSED = {
 }  # fmt: skip
 """Elements that cannot change the motion or the shapes; they are dropped, with the files they name."""
 
+NAN = re.compile(r"[+-]?nan(\(\w*\))?", re.IGNORECASE)
+"""How C writes what is no number."""
+
 TEXTS = {"name", "class", "childclass", "mesh", "joint", "joint1", "joint2", "body1", "body2", "link", "file"}
 """Attributes that hold names, which may be anything."""
 
@@ -231,7 +234,7 @@ def _drop(element: ET.Element, where: str, urdf: bool, copies: int = 1) -> None:
             )
         # MuJoCo takes nan for a number; after compilation nothing shows which element it came from.
         for name, value in child.attrib.items():
-            if name not in TEXTS and "nan" in value.lower().split():
+            if name not in TEXTS and any(NAN.fullmatch(word) for word in value.split()):
                 raise MechanismError(f"{where}: <{tag}>: expected numbers in '{name}', got nan; correct it.")
         child.attrib.pop("material", None)
         _drop(child, where, urdf, count * copies)

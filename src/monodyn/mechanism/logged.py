@@ -106,7 +106,7 @@ def on_knots(log: TorqueLog, knots: np.ndarray, lag: float) -> tuple[np.ndarray,
         The normal equations M c = b of linear finite elements: M_jk the integral of hat_j hat_k, b_j that of
         hat_j tau, whose derivative by the lag is minus that of hat_j times the slope of tau.
     """
-    from scipy.linalg import solveh_banded
+    from monodyn.solving import banded_root, banded_solved
 
     # between two neighbouring bends, of the log or of the hats, both are straight and Simpson's rule is exact
     inner = log.time + lag
@@ -126,5 +126,5 @@ def on_knots(log: TorqueLog, knots: np.ndarray, lag: float) -> tuple[np.ndarray,
     matrix[0, 1:] = span / 6.0
     matrix[1, 1:] += span / 3.0
     matrix[1, :-1] += span / 3.0
-    found = solveh_banded(matrix, np.concatenate((load, slope), axis=1))
+    found = banded_solved(banded_root(matrix), np.concatenate((load, slope), axis=1))
     return found[:, : len(log.joints)], found[:, len(log.joints) :]

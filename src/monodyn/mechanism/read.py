@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from monodyn.errors import MechanismError
 from monodyn.mechanism.assemble import links_of
 from monodyn.mechanism.bundled import BUNDLED, bundled
 from monodyn.mechanism.files import read_mechanism
+from monodyn.mechanism.hull import hull
 from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.parts import Geom, Given, Joint, Link, Site
 from monodyn.mechanism.plan import OWNED_COLUMNS, OWNED_KINDS, make_plan
@@ -20,7 +22,8 @@ from monodyn.mechanism.plane import Plane, find_plane
 from monodyn.mechanism.supported import refuse_unsupported, stated
 from monodyn.mechanism.torques import make_torques
 from monodyn.mechanism.tree import INERTIA, MASS
-from monodyn.names import known
+from monodyn.mechanism.unlogged import unlogged
+from monodyn.names import known, meant, near, near_files
 
 GEOM_KINDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 """Kinds of geoms by MuJoCo's number."""
@@ -54,10 +57,18 @@ def load(source: str | Path) -> Mechanism:
     if found is None and not path.exists():
         raise MechanismError(
             f"mechanism '{source}': expected an MJCF or URDF file or a bundled name, got no such file; "
-            f"{known('bundled names', BUNDLED, str(source))}"
+            f"{meant(_near(path)) or known('bundled names', BUNDLED, str(source))}"
         )
     made = _mechanism(*read_mechanism(path), path.name)
     return replace(made, source=str(source if found else path.resolve()))
+
+
+def _near(path: Path) -> list[str]:
+    """Return the bundled names and the files that may have been meant by one that does not exist."""
+    # of a chain the number is kept
+    number = re.sub(r"\D", "", path.name)
+    names = [name.replace("N", number or "N") for name in BUNDLED]
+    return near(names, str(path)) or near_files(path, (".xml", ".urdf", ".mjcf"))
 
 
 def _mechanism(text: str, urdf: bool, meshes: dict[str, bytes], where: str) -> Mechanism:
@@ -66,7 +77,7 @@ def _mechanism(text: str, urdf: bool, meshes: dict[str, bytes], where: str) -> M
 
     mujoco: Any = importlib.import_module("mujoco")
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), unlogged(mujoco):
             # MuJoCo's advice on its file format; whatever changes the motion is checked below.
             warnings.simplefilter("ignore")
             spec = mujoco.MjSpec.from_string(text, assets=meshes)
@@ -261,7 +272,8 @@ class _File:
         if kind == "mesh":
             mesh = int(model.geom_dataid[g])
             start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-            vertices = _hull(np.array(model.mesh_vert[start : start + count], dtype=float))
+            points = np.array(model.mesh_vert[start : start + count], dtype=float)
+            vertices = points[np.unique(hull(points))]
         weighs = not self._explicit(body)
         # geometry for looks has no density of its own: MuJoCo's default stands in for it
         density = 1000.0 if look else float(given.density)
@@ -343,10 +355,3 @@ def _turned(vector: np.ndarray, angle: float) -> np.ndarray:
     """Return the first two components of a vector, turned."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
-
-
-def _hull(points: np.ndarray) -> np.ndarray:
-    """Return the corners of the convex hull of points."""
-    from scipy.spatial import ConvexHull
-
-    return points[ConvexHull(points).vertices]

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monodyn.mechanism.axis import RODS, Axis, Form, Profile, corners, extent, is_rod, plus, times
+from monodyn.mechanism.hull import hull
 from monodyn.mechanism.parts import Entry, Geom, Given, Table
 from monodyn.mechanism.places import Naming, span_of
 
@@ -308,11 +309,8 @@ def hull_moments(points: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     Source: moments of a tetrahedron with one corner at the origin: volume det/6, second moments
         (sum of squares of the corners + square of their sum) / 20.
     """
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(points)
     middle = points.mean(axis=0)
-    faces = points[hull.simplices] - middle
+    faces = points[hull(points)] - middle
     volumes = np.abs(np.linalg.det(faces)) / 6
     total = float(volumes.sum())
     sums = faces.sum(axis=1)

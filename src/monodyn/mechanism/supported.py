@@ -121,6 +121,7 @@ def _refuse_wild_numbers(model: Any, where: str, joints: Sequence[str]) -> None:
         "masses and inertias": np.concatenate([model.body_mass, model.body_inertia.ravel()]),
         "geom positions": model.geom_pos,
         "geom sizes": model.geom_size,
+        "orientations": np.concatenate([model.body_quat, model.geom_quat]),
         "joint positions": model.jnt_pos,
         "joint references": np.concatenate([model.qpos0, model.qpos_spring]),
         "joint axes": model.jnt_axis,

@@ -12,6 +12,7 @@ from monodyn.arrays import frozen, increasing
 from monodyn.errors import MechanismError
 from monodyn.mechanism.parts import ANY, Entry, Joint, Table
 from monodyn.mechanism.plan import Plan
+from monodyn.names import quoted
 
 TORQUES = ("friction", "fourier", "free", "known")
 LAG = "torque.lag"
@@ -57,8 +58,7 @@ def make_torques(
     """
     joints = [link.joint for link in plan.links]
     if model not in TORQUES:
-        known = ", ".join(f"'{name}'" for name in TORQUES)
-        raise MechanismError(f"torque: expected one of {known}, got '{model}'.")
+        raise MechanismError(f"torque: expected one of {quoted(TORQUES)}, got '{model}'.")
     nothing = np.zeros((len(joints), 0), dtype=np.int64)
     if model == "friction":
         return TorqueParameters(model, plan.table, plan.index, nothing, np.zeros(0))

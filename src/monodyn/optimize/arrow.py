@@ -9,12 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.solving import eliminate, shortest
+
 TINY = 1e-300
 """Least of what roots are taken of and what is divided by."""
-SINGULAR = 1e-12
-"""Share of the largest singular value below which there is none, in a system without one solution."""
-BLOCKED = 64
-"""Rows from which on a library's elimination, which takes the matrix in blocks, is faster."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -168,46 +166,8 @@ def _free_move(hessian, slope, unit, held, move):  # pragma: no cover - compiled
     solved = right.copy()
     if not eliminate(matrix.copy(), solved):
         if np.isfinite(matrix).all() and np.isfinite(right).all():
-            solved = np.linalg.lstsq(matrix, right, SINGULAR)[0]
+            solved[:, 0] = shortest(matrix, right[:, 0])
         else:
             solved[:] = np.nan
     for i in range(inside.size):
         move[inside[i]] = solved[i, 0] / unit[inside[i]]
-
-
-@njit(cache=True, error_model="numpy")
-def eliminate(matrix, right):  # pragma: no cover - compiled
-    """Solve ``matrix`` x = ``right`` in place, (row, row) and (row, column), by Gauss's elimination with the
-    largest pivot of each column; return False where that is zero or no number."""
-    size, columns = right.shape
-    if size >= BLOCKED:
-        try:
-            right[:] = np.linalg.solve(matrix, right)
-        except Exception:
-            return False
-        return True
-    for k in range(size):
-        pivot = k
-        for i in range(k + 1, size):
-            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
-                pivot = i
-        if not abs(matrix[pivot, k]) > 0.0:
-            return False
-        if pivot != k:
-            for j in range(k, size):
-                matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
-            for j in range(columns):
-                right[k, j], right[pivot, j] = right[pivot, j], right[k, j]
-        for i in range(k + 1, size):
-            share = matrix[i, k] / matrix[k, k]
-            if share != 0.0:
-                for j in range(k + 1, size):
-                    matrix[i, j] -= share * matrix[k, j]
-                for j in range(columns):
-                    right[i, j] -= share * right[k, j]
-    for k in range(size - 1, -1, -1):
-        for j in range(columns):
-            for i in range(k + 1, size):
-                right[k, j] -= matrix[k, i] * right[i, j]
-            right[k, j] /= matrix[k, k]
-    return True

@@ -22,11 +22,11 @@ class PaperLocateSettings(LocateSettings):
     """How camera, sizes and first pose are found, with the options of the published method.
 
     Attributes:
-        start: Where the search of ``paper`` starts: poses ``spread`` over the joint ranges, or the ends of an
-            ``evolution``, which it proposes for complicated mechanisms.
-        framework: Figure 2 of ``paper``: ``strict``, camera and pose in turn until neither gains, then the
-            aspect ratios; or ``interleaved``, ours, in which every trial has its own camera.
-        level: Threshold of the silhouettes of ``paper`` [grey levels]; 0 takes Otsu's.
+        start: Where the search of the method ``paper`` starts: ``spread``: poses all over the joint ranges;
+            ``evolution``: the ends of one, which the paper proposes for complicated mechanisms.
+        framework: The order of the paper's Figure 2: ``strict``: camera and pose in turn until neither gains,
+            then the aspect ratios; ``interleaved``: ours, in which every trial has its own camera.
+        level: Threshold of the silhouettes of the method ``paper`` [grey levels]; 0 takes Otsu's.
     """
 
     start: Literal["spread", "evolution"] = "spread"
@@ -61,10 +61,10 @@ class PaperTrackSettings(TrackSettings):
     """How the mechanism is followed, with the options of the published method.
 
     Attributes:
-        move_share: Move limits of ``paper`` as a fraction of each joint's range, to either side; a hinge
-            without limits has a range of one turn.
-        adaptive: Move limits of ``paper`` about where the joints' current velocity leads, narrow where they
-            are slow; off: a fixed share of the range about the last pose.
+        move_share: Move limits of the method ``paper`` as a fraction of each joint's range, to either side; a
+            hinge without limits has a range of one turn.
+        adaptive: Have the move limits of the method ``paper`` follow the joints' velocity, narrow where they
+            are slow; without it they are a fixed share of the range about the last pose.
     """
 
     move_share: float = USUAL_MOVE_SHARE
@@ -74,8 +74,8 @@ class PaperTrackSettings(TrackSettings):
         super().__post_init__()
         if self.method == "fast" and (self.move_share != USUAL_MOVE_SHARE or not self.adaptive):
             raise SettingsError(
-                "track.move_share, track.adaptive: move limits belong to track.method paper; add it, or "
-                "leave them out."
+                "track.move_share, track.adaptive: expected --track.method paper with them, got the method "
+                "'fast'; choose that method, or leave the move limits out."
             )
         if not 1e-3 <= self.move_share <= 0.5:
             raise SettingsError(f"track.move_share: expected 0.001 to 0.5, got {self.move_share}.")
@@ -86,14 +86,16 @@ class PaperIdentifySettings(IdentifySettings):
     """How a mechanism is identified, with the options of the published method.
 
     Attributes:
-        gains: Gains alpha, beta, gamma of the filter, eq. (7); for ``paper``.
-        states: What ``paper`` compares the simulated states with: the ``measured`` poses or the ``filtered``.
-        rates: With ``paper`` compare rates as well as angles, as its discussion proposes, weighted with the
-            tracker's covariance.
-        filter: How ``paper`` reads eq. (6): ``printed``, the acceleration takes gamma / T^2 of what was not
-            predicted; or ``consistent`` with the bound of eq. (7), gamma / (2 T^2).
-        begin: Where the search of ``paper`` begins, which it leaves open: at start values ``matched`` to the
-            accelerations of the poses (ours), or at those ``given`` by file and picture, as they are.
+        gains: Gains alpha, beta, gamma of the filter of the method ``paper``, eq. (7).
+        states: What the method ``paper`` compares the simulated states with: ``measured``: the poses as they
+            are; ``filtered``: those of its filter.
+        rates: Have the method ``paper`` compare rates as well as angles, as its discussion proposes, weighted
+            with the tracker's covariance.
+        filter: How the method ``paper`` reads eq. (6): ``printed``: the acceleration takes gamma / T^2 of
+            what was not predicted; ``consistent``: gamma / (2 T^2), to which the bound of eq. (7) belongs.
+        begin: Where the search of the method ``paper`` begins, which the paper leaves open: ``matched``: at
+            start values matched to the accelerations of the poses (ours); ``given``: at those of file and
+            picture, as they are.
     """
 
     gains: tuple[float, float, float] = PAPER_GAINS
@@ -119,12 +121,15 @@ class PaperIdentifySettings(IdentifySettings):
                     )
         if self.method == "fast" and (self.rates or self.states == "filtered"):
             raise SettingsError(
-                "identify.rates, identify.states: rates and filtered states belong to --identify.method "
-                "paper; the fast method weighs the measured positions with their covariance."
+                "identify.rates, identify.states: expected --identify.method paper with them, got the method "
+                "'fast'; choose that method, or leave them out."
             )
         if tuple(self.gains) != PAPER_GAINS:
             if self.method == "fast":
-                raise SettingsError("identify.gains: the filter belongs to --identify.method paper; add it.")
+                raise SettingsError(
+                    "identify.gains: expected --identify.method paper with them, got the method 'fast'; "
+                    "choose that method, or leave the gains out."
+                )
             # checked here, so that gains out of range are refused before a clip is read
             from monodyn.paper.filter import Gains
 

@@ -89,12 +89,14 @@ class Experiment:
         repetitions: The experiment with each pendulum.
         claims: The claims with their verdicts.
         seconds: Wall time [s].
+        notes: What one should know about the folder, in sentences.
     """
 
     folder: Path
     repetitions: Sequence[Repetition]
     claims: Sequence[Claim]
     seconds: float
+    notes: Sequence[str] = ()
 
 
 def reproduce(
@@ -138,7 +140,7 @@ def reproduce(
             made = [(Path(given.clip), given.model, None, given_truth(given))]
         found = _repeated(made, settings, progress)
         judged = claims([repetition.evidence for repetition in found])
-        whole = Experiment(folder.path, found, judged, time.perf_counter() - began)
+        whole = Experiment(folder.path, found, judged, time.perf_counter() - began, folder.notes)
         _write(folder, whole, settings)
     return whole
 

@@ -1,6 +1,6 @@
 """The experiment as one self-contained page: claims first, then tables, then the counterparts of the figures.
 
-The page works without a network: the plotting script of the installed plotly package is written into it.
+The page works without a network: the plotting script is written into it.
 """
 
 from __future__ import annotations

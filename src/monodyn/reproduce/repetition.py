@@ -8,8 +8,10 @@ import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
@@ -149,6 +151,17 @@ def _stopped_by_interrupt() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
+@contextmanager
+def _ended_with(others: set[BaseProcess]) -> Iterator[None]:
+    """End the worker processes where the block does not come to its end: nobody waits for their results."""
+    try:
+        yield
+    except BaseException:
+        for worker in set(multiprocessing.active_children()) - others:
+            worker.terminate()
+        raise
+
+
 def each(
     function: Callable[[Item, Progress | None], Result],
     items: Sequence[Item],
@@ -176,7 +189,10 @@ def each(
         return
     # a fresh interpreter each: a fork would copy locks of the threads that decoding has started
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, mp_context=context, initializer=_stopped_by_interrupt) as pool:
+    with (
+        ProcessPoolExecutor(count, mp_context=context, initializer=_stopped_by_interrupt) as pool,
+        _ended_with(set(multiprocessing.active_children())),
+    ):
         waiting = [pool.submit(function, item, None) for item in items]
         for done, future in enumerate(waiting):
             if progress is not None:

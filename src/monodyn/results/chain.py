@@ -254,20 +254,41 @@ def _iterated(chain: Chain, seen: Seen, about: np.ndarray | None, stronger: floa
 
 def _between(chain: Chain, seen: Seen) -> np.ndarray:
     """Return smooth curves through what is measured as states, (frame, 2 dof)."""
-    from scipy.interpolate import PchipInterpolator
-
     dofs = chain.dynamics.dofs
     states = np.tile(chain.start, (len(chain.stamps), 1))
     for dof in range(dofs):
         rows = np.flatnonzero(seen.used[:, dof])
         if len(rows) > 1:
-            curve, ends = (
-                PchipInterpolator(seen.time[rows], seen.position[rows, dof]),
-                seen.time[rows[[0, -1]]],
-            )
-            at = np.clip(chain.stamps, *ends)
-            states[:, dof], states[:, dofs + dof] = curve(at), curve.derivative()(at)
+            curve = _curve(seen.time[rows], seen.position[rows, dof], chain.stamps)
+            states[:, dof], states[:, dofs + dof] = curve
     return states
+
+
+def _curve(time: np.ndarray, value: np.ndarray, stamps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return values and rates at time stamps, (stamp,) each, of a smooth curve through points, (point,), that
+    rises and falls only where they do; before and after them its ends stand.
+
+    Source:
+        Fritsch and Butland, A method for constructing local monotone piecewise cubic interpolants, 1984.
+    """
+    span = np.diff(time)
+    rise = np.diff(value) / span
+    rate = np.concatenate((rise[:1], np.zeros(len(time) - 2), rise[-1:]))
+    before, after = rise[:-1], rise[1:]
+    weights = 2.0 * span[1:] + span[:-1], span[1:] + 2.0 * span[:-1]
+    same = before * after > 0.0
+    mean = weights[0][same] / before[same] + weights[1][same] / after[same]
+    rate[1:-1][same] = (weights[0] + weights[1])[same] / mean
+    at = np.clip(stamps, time[0], time[-1])
+    k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(span) - 1)
+    # the cubic with value and rate of both ends of its span
+    u, h = (at - time[k]) / span[k], span[k]
+    bend = rate[k] + rate[k + 1] - 2.0 * rise[k]
+    lean = 3.0 * rise[k] - 2.0 * rate[k] - rate[k + 1]
+    return (
+        value[k] + h * u * (rate[k] + u * (lean + u * bend)),
+        rate[k] + u * (2.0 * lean + 3.0 * u * bend),
+    )
 
 
 def _weaker(chain: Chain, seen: Seen, position: np.ndarray) -> np.ndarray:

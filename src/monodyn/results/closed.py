@@ -13,6 +13,7 @@ import numpy as np
 from monodyn.arrays import frozen
 from monodyn.errors import SettingsError
 from monodyn.mechanism import Mechanism, write_mjcf
+from monodyn.mechanism.unlogged import unlogged
 from monodyn.results.linear import State, by_name
 from monodyn.results.regulator import off
 
@@ -126,7 +127,8 @@ def closed_loop(
                 f"closed_loop: expected {name} above 0 and up to {most:g}, got {value:g}; change it."
             )
     mujoco: Any = importlib.import_module("mujoco")
-    body = _body(mujoco, model)
+    with unlogged(mujoco):
+        body = _body(mujoco, model)
     known = [body.joint(i).name for i in range(body.njnt)]
     if set(known) != set(controller.joints):
         raise SettingsError(
@@ -146,20 +148,24 @@ def closed_loop(
         controller.joints, "closed_loop: velocity", {} if velocity is None else velocity
     )
     time, states, torques = [], [], []
-    for i in range(round(seconds * rate) + 1):
-        q, v = data.qpos[rows], data.qvel[dofs]
-        torque = controller.torque_at(i / rate, q, v)
-        time.append(i / rate)
-        states.append(np.concatenate((q, v)))
-        torques.append(torque)
-        if not np.all(np.abs(v) < LOST):
-            break
-        data.qfrc_applied[driven] = factor * torque
-        mujoco.mj_step(body, data, steps)
+    with unlogged(mujoco) as said:
+        for i in range(round(seconds * rate) + 1):
+            q, v = data.qpos[rows], data.qvel[dofs]
+            torque = controller.torque_at(i / rate, q, v)
+            time.append(i / rate)
+            states.append(np.concatenate((q, v)))
+            torques.append(torque)
+            if not np.all(np.abs(v) < LOST):
+                break
+            data.qfrc_applied[driven] = factor * torque
+            mujoco.mj_step(body, data, steps)
+            # where numbers become too large MuJoCo begins anew, from its own start
+            if said:
+                break
     q, v = np.split(np.array(states), 2, axis=1)
     last = np.array(time) >= seconds - AT_END
     far = np.array([np.abs(off(row, controller.position, controller.turns)) for row in q[last]])
-    away = far.max(axis=0) if len(far) else np.full(len(rows), np.inf)
+    away = far.max(axis=0) if len(far) and not said else np.full(len(rows), np.inf)
     hinge = np.array([body.joint(name).type[0] == mujoco.mjtJoint.mjJNT_HINGE for name in controller.joints])
     balanced = bool(np.all(away < np.where(hinge, ANGLE, LENGTH)))
     return ClosedLoop(np.array(time), q, v, factor * np.array(torques), away, balanced)

@@ -92,6 +92,7 @@ class Controlled:
         loop: The identified mechanism under it, in MuJoCo.
         folder: Where the files are; None where none were written.
         push: Where the balance begins; None for a swing, and where the start was given.
+        remains: What one should know about the folder, in sentences.
     """
 
     aim: Aim
@@ -101,6 +102,7 @@ class Controlled:
     loop: ClosedLoop
     folder: Path | None = None
     push: Push | None = None
+    remains: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -172,7 +174,7 @@ class Controlled:
             notes += turned(self.regulator.joints, self.regulator.position, self.held)
         begun = [self.push.begun] if self.push is not None and self.loop.balanced else []
         # of both, gains and swing, it may be the same
-        return (*dict.fromkeys(notes), self.kept, *begun, *self.regulator.linear.notes)
+        return (*dict.fromkeys(notes), self.kept, *begun, *self.regulator.linear.notes, *self.remains)
 
     @property
     def document(self) -> dict[str, Any]:
@@ -231,13 +233,13 @@ def control_run(
         The controller and what it does.
     """
     fit = open_run(run)
-    found = control(fit, aim)
     if out is None:
-        return found
+        return control(fit, aim)
     folder = RunFolder(
         out, force=force, inputs=[Path(run) / "fit.json", Path(run) / "model.xml"], kind=CONTROL
     )
     with folder.filling():
+        found = replace(control(fit, aim), remains=tuple(folder.notes))
         folder.write_text("control.json", json_text(found.document))
         write_controlled(folder, fit, found.regulator.actuated, found.loop, found.held)
         files = [*folder.written, *(["control.mp4"] if film else [])]

@@ -169,7 +169,9 @@ def write_film(
     pictures: list[tuple[bytes, str]] = []
     folder.write(
         "overlay.mp4",
-        lambda path: pictures.extend(write_overlay(path, video, drawn.drawing, progress=progress)),
+        lambda path: pictures.extend(
+            write_overlay(path, video, drawn.drawing, begin=float(video.times[0]), progress=progress)
+        ),
     )
     return pictures
 
@@ -193,6 +195,7 @@ def write_sight_film(folder: RunFolder, sight: Sight, progress: Progress | None 
         drawing_of = motion.drawing
 
     def film(path: Path) -> None:
-        write_overlay(path, sight.video.as_filmed, drawing_of, progress=progress)
+        video = sight.video.as_filmed
+        write_overlay(path, video, drawing_of, begin=float(video.times[0]), progress=progress)
 
     folder.write("overlay.mp4", film)

@@ -1,10 +1,10 @@
 """The run folder: which files are ours, and how they get there without ever destroying anything.
 
-Every file is written under another name and renamed when it is whole. A folder that already holds a run is
-refused unless it may be replaced. Then the new run is written into the sub-folder ``unfinished`` and takes
-the place of the old one only when it is complete, so that a full disk or Ctrl-C leaves the old run as it was.
-The swap moves all of the old run aside (``replaced``) before the first new file arrives: whatever stops it,
-the folder never holds files of two runs. Results of other kinds get into their folders in the same way.
+One process at a time writes to a folder. Every file is written under another name and renamed when it is
+whole. A folder that already holds a run is refused unless it may be replaced. Then the new run is written
+into the sub-folder ``unfinished`` and takes the place of the old one, in one step, only when it is complete:
+a full disk or Ctrl-C leaves the old run as it was. What a run that was stopped has left there is kept for
+its owner. Results of other kinds get into their folders in the same way.
 """
 
 from __future__ import annotations
@@ -14,10 +14,14 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 
 from monodyn.choices import MOST_DRAWN
 from monodyn.errors import SettingsError
+from monodyn.results.exchange import settle_on_disk
+from monodyn.results.lock import LOCK, FolderLock
+from monodyn.results.swap import ASIDE, NEW, STAGE, is_unsettled, settle, take_place
 
 DRAWN = tuple(f"ensemble_{number:02d}.xml" for number in range(MOST_DRAWN))
 """Names of the models that are drawn from what the data allow."""
@@ -35,6 +39,7 @@ FILES = (
     "diagnosis.png",
     "report.html",
     *DRAWN,
+    "run.toml",
     "run.json",
 )
 """Names of the files of a run; nothing else in the folder is ever touched."""
@@ -46,8 +51,8 @@ SIGNS = {
 }
 """Files by which a folder is known to hold a result, by the word of its kind; others have names in common."""
 
-STAGE = "unfinished"
-ASIDE = "replaced"
+RECORDING = ".recording.mp4"
+"""What a stream is recorded as until it ends."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,8 @@ class RunFolder:
         stage: Folder the files are written to; another one than ``path`` while an old run is being replaced,
             and until the end where its kind is ``whole``.
         written: Names of the files written so far.
+        finished: Whether it is complete, and in its place.
+        notes: Where the files of a run are that was stopped here before, a sentence.
     """
 
     def __init__(
@@ -96,39 +103,93 @@ class RunFolder:
             kind: What the folder is to hold.
 
         Raises:
-            SettingsError: the path is a file, holds a run and ``force`` is not set, holds an input under a
-                name of ours or a result of another kind, or cannot be created.
+            SettingsError: the path is a file, somebody else writes to it, it holds a run and ``force`` is not
+                set, holds an input under a name of ours or a result of another kind, or cannot be created.
         """
         self.path, self.kind = Path(path), kind
         if not str(path):
             raise SettingsError("out: expected the name of a folder, got an empty one; give one with --out.")
         self.written: list[str] = []
+        self.notes: list[str] = []
+        self.finished = False
         self._spare(inputs)
         if self.path.exists() and not self.path.is_dir():
             raise SettingsError(f"out '{self.path}': expected a folder, got a file; give another name.")
-        self._be_alone()
-        old = [name for name in kind.files if (self.path / name).exists()]
-        if old and not force:
-            article = "an" if kind.word[0] in "aeiou" else "a"
-            raise SettingsError(
-                f"out '{self.path}': expected a folder without {article} {kind.word}, it holds {old[0]}; "
-                f"give another folder, or --force to replace the {kind.word}."
-            )
-        # the old run stays readable until the new one is complete
-        self.stage = self.path / STAGE if old or kind.whole else self.path
-        if self.stage != self.path:
-            self._clear(self.stage)
         # only what this run creates may be removed again when nothing comes of it
-        self._made = [folder for folder in (self.stage, *self.stage.parents) if not folder.exists()]
+        self._made = [folder for folder in (self.path, *self.path.parents) if not folder.exists()]
         try:
-            self.stage.mkdir(parents=True, exist_ok=True)
+            self._lock = FolderLock(self.path)
         except OSError as error:
             raise self._cannot("create the folder", error) from error
+        try:
+            self.stage = self._begin(force)
+        except BaseException:
+            self.close()
+            raise
+
+    def _begin(self, force: bool) -> Path:
+        """Check what is in the folder; return where the files are to be written."""
+        try:
+            settle(self.path)
+            self._be_alone()
+            old = self._old()
+            if old and not force:
+                raise self._held(old)
+            # the old run stays readable until the new one is complete
+            staged = bool(old) or self.kind.whole
+            self._keep_remains(staged)
+            if not staged:
+                return self.path
+            stage = self.path / STAGE
+            if not stage.exists():
+                self._made.insert(0, stage)
+                stage.mkdir()
+            return stage
+        except OSError as error:
+            raise self._cannot("prepare the folder", error) from error
+
+    def _old(self) -> list[str]:
+        """Name the files of the kind that are there."""
+        return [name for name in self.kind.files if (self.path / name).exists()]
+
+    def _held(self, old: Sequence[str]) -> SettingsError:
+        """Return the complaint about a folder that holds a result."""
+        word = self.kind.word
+        article = "an" if word[0] in "aeiou" else "a"
+        return SettingsError(
+            f"out '{self.path}': expected a folder without {article} {word}, it holds {old[0]}; "
+            f"give another folder, or --force to replace the {word}."
+        )
+
+    def _keep_remains(self, staged: bool) -> None:
+        """Put what a run that was stopped has left where no other one comes, and note it."""
+        parts = [*(f".{name}.part" for name in self.kind.files), RECORDING]
+        loose = [name for name in (*parts, ASIDE) if (self.path / name).exists()]
+        stage, there = self.path / STAGE, set()
+        if stage.is_dir():
+            for name in (NEW, LOCK):
+                (stage / name).unlink(missing_ok=True)
+            there = set(os.listdir(stage))
+        # a folder of that name may be somebody's own
+        left = bool(there) if staged else not there.isdisjoint((*self.kind.files, *parts))
+        if not loose and not left:
+            return
+        kept = next(place for k in count(1) if not (place := self.path / f"{STAGE}_{k}").exists())
+        if left:
+            stage.rename(kept)
+        else:
+            kept.mkdir()
+        for name in loose:
+            os.replace(self.path / name, kept / name)
+        # unlike half a file half a film can be watched
+        if (kept / RECORDING).exists():
+            (kept / RECORDING).rename(kept / RECORDING.removeprefix("."))
+        self.notes.append(f"What a run that was stopped before had written is kept in '{kept}'.")
 
     def _spare(self, inputs: Sequence[object]) -> None:
         """Raise if an input is a file that this run would replace or remove."""
-        # in the folders of a swap that was stopped, too: those are emptied
-        places = [self.path / sub / name for sub in ("", STAGE, ASIDE) for name in self.kind.files]
+        # in the folder of a run that was stopped, too, which gets another name
+        places = [self.path / sub / name for sub in ("", STAGE) for name in self.kind.files]
         for given in (Path(str(given)) for given in inputs if given is not None):
             if given.is_file() and any(place.exists() and place.samefile(given) for place in places):
                 raise SettingsError(
@@ -161,6 +222,8 @@ class RunFolder:
         part = self.stage / f".{name}.part"
         try:
             writer(part)
+            # without it a power failure after the renaming may leave an empty file
+            settle_on_disk(part)
             os.replace(part, self.stage / name)
         except OSError as error:
             part.unlink(missing_ok=True)
@@ -184,49 +247,28 @@ class RunFolder:
         self.write(name, lambda part: _write_text(part, text))
 
     def finish(self) -> None:
-        """Put a complete run into its place and remove the remains of the old one.
+        """Put a complete run into its place and remove the old one.
 
         Raises:
             SettingsError: a file cannot be moved.
         """
-        if self.stage == self.path:
-            return
-        aside = self.path / ASIDE
-        self._clear(aside)
         try:
-            # first all old files out, then all new files in: at no time are files of both runs in the folder
-            aside.mkdir(exist_ok=True)
-            for name in self.kind.files:
-                if (self.path / name).exists():
-                    os.replace(self.path / name, aside / name)
-            for name in self.written:
-                os.replace(self.stage / name, self.path / name)
+            if self.stage == self.path:
+                settle_on_disk(self.path)
+            else:
+                take_place(self.path, self.kind.files, self._lock)
+            self.finished = True
         except BaseException as error:
-            self._put_back(aside)
+            # the first error is reported; what stays undone is done when the folder is used next
+            with suppress(OSError):
+                settle(self.path)
+            self.finished = self.stage != self.path and not self.stage.exists()
             if isinstance(error, OSError):
                 raise self._cannot(f"replace the old {self.kind.word}", error) from error
             raise
-        unfinished, self.stage = self.stage, self.path
-        self._clear(aside)
-        self._clear(unfinished)
-
-    def _put_back(self, aside: Path) -> None:
-        """Undo a swap that was stopped: the places of the files show how far it came."""
-        try:
-            # the last new file is in place: the swap was complete, only the clearing up was stopped
-            if all(not (self.stage / name).exists() for name in self.written):
-                return
-            # the new files go back first, or an old file would overwrite one of them
-            for name in self.written:
-                if not (self.stage / name).exists():
-                    os.replace(self.path / name, self.stage / name)
-            for name in self.kind.files:
-                if (aside / name).exists():
-                    os.replace(aside / name, self.path / name)
-            aside.rmdir()
-        except OSError:
-            # both runs are still on the disk, in ``replaced`` and ``unfinished``; the first error is reported
-            return
+        finally:
+            if self.finished:
+                self.stage = self.path
 
     def _clear(self, folder: Path) -> None:
         """Remove our own files from a sub-folder, and the folder when nothing else is in it."""
@@ -253,15 +295,17 @@ class RunFolder:
             yield
             self.finish()
         except BaseException:
-            if self.stage != self.path:
+            if not self.finished:
                 with suppress(SettingsError):
                     self._clear(self.stage)
                 self.written.clear()
-                self.abandon()
             raise
+        finally:
+            self.close()
 
-    def abandon(self) -> None:
-        """Remove the folders that were created for a run of which nothing was written."""
+    def close(self) -> None:
+        """Let others write to the folder; remove what was created for a run of which nothing was written."""
+        self._lock.release()
         if self.written:
             return
         for folder in self._made:
@@ -278,9 +322,21 @@ class RunFolder:
         return SettingsError(f"out '{self.path}': cannot {what} ({why}); {cure} another folder with --out.")
 
 
+def recover(path: Path) -> None:
+    """Bring a swap that was stopped in a folder to its end, where nobody else does and it can be written.
+
+    Args:
+        path: A folder that is to be read.
+    """
+    if path.is_dir() and is_unsettled(path):
+        with suppress(SettingsError, OSError):
+            lock = FolderLock(path)
+            try:
+                settle(path)
+            finally:
+                lock.release()
+
+
 def _write_text(path: Path, text: str) -> None:
     with path.open("w", encoding="utf-8", errors="backslashreplace", newline="\n") as file:
         file.write(text)
-        file.flush()
-        # without it a power failure after the renaming may leave an empty file
-        os.fsync(file.fileno())

@@ -20,7 +20,7 @@ from monodyn.extras import extra
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
 from monodyn.mechanism.tree import FRICTION, Directions, Tree
-from monodyn.names import known
+from monodyn.names import known, quoted
 from monodyn.results.masses import mass_scale
 from monodyn.results.restart import FARTHEST
 
@@ -173,7 +173,7 @@ def by_name(names: Sequence[str], where: str, values: State) -> np.ndarray:
     if found.shape != (len(names),) or not np.all(np.isfinite(found)):
         raise SettingsError(
             f"{where}: expected a finite value for each of {len(names)} joints, got {found.tolist()}; "
-            f"joints: {_quoted(names)}."
+            f"joints: {quoted(names)}."
         )
     return found
 
@@ -199,7 +199,8 @@ def motors(mechanism: Mechanism, actuated: Sequence[str] | None) -> list[int]:
             )
     if not chosen or len(set(chosen)) < len(chosen):
         raise SettingsError(
-            f"actuated: expected one or more joints, each once, got {chosen}; joints: {_quoted(names)}."
+            f"actuated: expected one or more joints, each once, got {quoted(chosen) or 'none'}; joints: "
+            f"{quoted(names)}."
         )
     return [names.index(name) for name in chosen]
 
@@ -344,10 +345,6 @@ def _torque(torque: Sequence[float] | np.ndarray, names: tuple[str, ...]) -> np.
     found = np.asarray(torque, dtype=float)
     if found.shape != (len(names),):
         raise SettingsError(
-            f"torque: expected one for each of the joints {_quoted(names)}, got {found.tolist()}."
+            f"torque: expected one for each of the joints {quoted(names)}, got {found.tolist()}."
         )
     return found
-
-
-def _quoted(names: Sequence[str]) -> str:
-    return ", ".join(f"'{name}'" for name in names)

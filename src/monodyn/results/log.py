@@ -1,4 +1,6 @@
-"""``run.json``: what was run, on what, with which versions, how long each stage took, and how it ended."""
+"""``run.json``: what was run, on what, with which versions, how long each stage took, and how it ended.
+
+``run.toml`` is written along with it: the settings alone, as ``--config`` takes them."""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ from monodyn.results.folder import RunFolder
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Grade
 
-PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco", "av", "opencv-python-headless")
+PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco-core", "av", "opencv-python-headless")
 """Packages whose versions are kept."""
 
 
@@ -55,6 +57,7 @@ class RunLog:
         command: Name of the command.
         inputs: Given files by their part, with size and SHA-256.
         settings: Settings as values of JSON.
+        again: The content of ``run.toml``; empty where no command does this again.
         versions: Versions by package.
         seconds: Wall time by stage [s].
         notes: Sentences about the input.
@@ -63,15 +66,16 @@ class RunLog:
         comparison: The mechanisms that were tried, the chosen one first; none where the user named it.
     """
 
-    def __init__(self, command: str, inputs: Mapping[str, object], settings: object) -> None:
+    def __init__(self, command: str, inputs: Mapping[str, object], settings: object, again: str = "") -> None:
         """Start the log.
 
         Args:
             command: Name of the command.
             inputs: Paths or bundled names by their part.
             settings: The settings, a dataclass.
+            again: The content of ``run.toml``.
         """
-        self.command = command
+        self.command, self.again = command, again
         self.inputs = {part: fingerprint(part, value) for part, value in inputs.items()}
         values = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
         self.settings: dict[str, Any] = jsonable(values)
@@ -149,8 +153,11 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
         KeyboardInterrupt: Ctrl-C was pressed, in whatever form it came out of the block.
     """
     try:
+        if folder is not None:
+            log.notes += folder.notes
         yield log
         if folder is not None:
+            _write_again(folder, log)
             # last of all files: a folder whose run.json has the status done is complete
             folder.write_text("run.json", json_text(log.document("done", [*folder.written, "run.json"])))
             folder.finish()
@@ -163,17 +170,26 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
             kept = place is not None and place.is_dir()
             raise KeyboardInterrupt(*([f"what was finished is in '{place}'."] if kept else [])) from error
         raise
+    finally:
+        if folder is not None:
+            folder.close()
 
 
 def _record_failure(folder: RunFolder, log: RunLog, error: BaseException, interrupted: bool) -> None:
     """Write ``run.json`` of a run that did not come to its end."""
     message = str(error) if isinstance(error, MonodynError) else type(error).__name__
     # bad input of which nothing was written leaves no trace, not even an empty folder
-    if folder.written or interrupted:
+    if not folder.finished and (folder.written or interrupted):
         status = "interrupted" if interrupted else "failed"
         with suppress(MonodynError):
+            _write_again(folder, log)
             folder.write_text("run.json", json_text(log.document(status, list(folder.written), message)))
-    folder.abandon()
+
+
+def _write_again(folder: RunFolder, log: RunLog) -> None:
+    """Write ``run.toml``, with which the run can be done again."""
+    if log.again:
+        folder.write_text("run.toml", log.again)
 
 
 def versions() -> dict[str, str]:

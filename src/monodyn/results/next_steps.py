@@ -51,7 +51,9 @@ def next_steps(findings: Findings) -> list[Step]:
     begin = ",".join(f"{name}={0.5 if k == 0 else 0:g}" for k, name in enumerate(joints))
     film = "" if findings.filmed is None else " --film"
     steps = [
-        Step("Look at it in MuJoCo", "python -m mujoco.viewer --mjcf=model.xml"),
+        Step(
+            "Look at it in MuJoCo (pip install 'monodyn[viewer]')", "python -m mujoco.viewer --mjcf=model.xml"
+        ),
         Step(
             "Let it go from another state",
             f"monodyn predict . --from {shlex.quote(begin)} --until 5 --out ahead{film}",

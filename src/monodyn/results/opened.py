@@ -21,7 +21,9 @@ from monodyn.mechanism.bundled import is_bundled
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL
+from monodyn.names import meant, near_files
 from monodyn.results.findings import SCHEMA
+from monodyn.results.folder import recover
 from monodyn.results.intact import check_model, check_seal, differing, digest
 from monodyn.results.known_torques import known_torques
 from monodyn.results.log import fingerprint
@@ -266,6 +268,7 @@ def is_other_clip(folder: str | Path, clip: str | Path) -> bool:
 
 def _document(folder: Path) -> dict[str, Any]:
     """Return the content of ``fit.json`` of a run that has identified something."""
+    recover(folder)
     document = _json(folder / "fit.json")
     if document.get("schema") != SCHEMA:
         raise SettingsError(
@@ -284,9 +287,9 @@ def _json(file: Path) -> dict[str, Any]:
     """Return the content of a JSON file of a run."""
     if not file.is_file():
         what = f"a folder without {file.name}" if file.parent.is_dir() else "no such folder"
-        raise SettingsError(
-            f"'{file.parent}': expected the folder of a run, got {what}; name the one given as --out."
-        )
+        asked = [] if file.parent.is_dir() else near_files(file.parent)
+        end = meant(asked) or "name the one given as --out."
+        raise SettingsError(f"'{file.parent}': expected the folder of a run, got {what}; {end}")
     if file.stat().st_size > LARGEST:
         raise SettingsError(
             f"'{file}': expected a file of a run, got one of {file.stat().st_size} bytes; run it again."

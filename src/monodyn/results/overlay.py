@@ -30,6 +30,8 @@ TICKS = 90_000
 """Time stamps of the film are whole multiples of 1 / TICKS seconds."""
 FASTEST = 1000.0
 """Most frames a second [Hz] of the film; a faster clip is shown slower, its own time in the caption."""
+LATEST = 86_400.0
+"""Latest time stamp of the first picture of a film [s]: stamps that are a date begin anew."""
 
 
 @dataclass(frozen=True)
@@ -212,9 +214,10 @@ def write_overlay(
     video: Video,
     drawing_of: Callable[[Frame], Drawing],
     *,
+    begin: float = 0.0,
     progress: Progress | None = None,
 ) -> list[tuple[bytes, str]]:
-    """Write the clip with the mechanism drawn over it, H.264 with the clip's own time stamps.
+    """Write the clip with the mechanism drawn over it, H.264 with the steps of the clip's own time stamps.
 
     A clip of more than ``FASTEST`` frames a second is shown at that rate.
 
@@ -222,6 +225,8 @@ def write_overlay(
         path: The film to write (mp4).
         video: The clip.
         drawing_of: Returns what to draw over a frame.
+        begin: Time stamp of the first picture of the film [s]: that of the clip puts film, clip and tables of
+            a run on one clock. Below 0, and beyond ``LATEST``, where no player goes, the film begins at 0.
         progress: Called with the number of frames written.
 
     Returns:
@@ -241,11 +246,12 @@ def write_overlay(
         ) as container:
             stream = _film_stream(container, video)
             last, pictures = -1, _pictures(video, drawing_of, stills)
+            offset = begin if 0.0 <= begin <= LATEST else 0.0
             # one is drawn while the one before is encoded
             for done, (time, planes) in enumerate(made_ahead(pictures, 2), start=1):
                 picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
                 # the encoder takes increasing stamps only: two frames in one tick are put one tick apart
-                last = max(last + 1, round((time - video.times[0]) * slower * TICKS))
+                last = max(last + 1, round(((time - video.times[0]) * slower + offset) * TICKS))
                 picture.pts, picture.time_base = last, Fraction(1, TICKS)
                 container.mux(stream.encode(picture))
                 if progress is not None:

@@ -1,6 +1,7 @@
 """A fit and its motion as one self-contained page: advice first, then angles, pictures and tables.
 
-The page needs no network: the plotting script of the installed plotly package is written into it.
+The page needs no network: the plotting script in ``plotly-basic``, the smallest build of plotly.js as it is
+published, is written into it.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -153,13 +155,8 @@ def template(package: str, name: str) -> Template:
 
 def plotting_script() -> str:
     """Return plotly's script; a closing tag inside it would end the page's script element."""
-    from importlib.resources import files
-
-    return (
-        (files("plotly") / "package_data" / "plotly.min.js")
-        .read_text(encoding="utf-8")
-        .replace("</script", "<\\/script")
-    )
+    script = Path(__file__).parent / "plotly-basic" / "plotly-basic.min.js"
+    return script.read_text(encoding="utf-8").replace("</script", "<\\/script")
 
 
 def _trusted(findings: Findings, number: int, found: Horizon) -> str:

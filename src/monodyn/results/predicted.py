@@ -162,6 +162,7 @@ def predict_run(
     if out is None:
         return found
     folder = RunFolder(out, force=force, inputs=[run, clip], kind=PREDICTION)
+    found = replace(found, notes=(*found.notes, *folder.notes))
     with folder.filling():
         _write(folder, found, wanted, Path(run), background, progress)
     return replace(found, folder=folder.path)
@@ -174,9 +175,8 @@ def _refuse_sizes(fit: Fit, fix: Mapping[str, float]) -> None:
         row = mechanism.parameter(name)
         if row.kind in SIZES and not acting(mechanism, [name]):
             raise SettingsError(
-                f"fix: expected parameters on which the motion depends, got {name}: in a run folder mass, "
-                f"centre of mass and inertia stand for the sizes of {row.owner}; give {row.owner}.mass, "
-                f"{row.owner}.com_x or {row.owner}.inertia, or identify again with monodyn run --fix "
+                f"fix: expected parameters on which the motion depends, got {name}; in place of the sizes of "
+                f"{row.owner} give its .mass, .com_x or .inertia, or identify again with --fix "
                 f"{name}={value:g}."
             )
 

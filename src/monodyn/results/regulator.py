@@ -18,6 +18,7 @@ from monodyn.estimation.fit import Fit
 from monodyn.extras import extra
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import SLIDE
+from monodyn.names import quoted
 from monodyn.results.draws import Response, drawn
 from monodyn.results.linear import (
     Linearization,
@@ -326,10 +327,9 @@ def _solved(
     except (np.linalg.LinAlgError, ValueError):
         poles = np.array([np.inf])
     if not np.all(np.abs(poles) < 1.0 - STEERED):
-        names = ", ".join(f"'{name}'" for name in actuated)
         raise SettingsError(
-            f"lqr: expected motors that can steer every joint there, got {names}; add one, or choose another "
-            "position."
+            f"lqr: expected motors that can steer every joint there, got {quoted(actuated)}; add one, or "
+            "choose another position."
         )
     return np.asarray(gain), np.asarray(cost)
 

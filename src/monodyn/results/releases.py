@@ -10,6 +10,7 @@ from monodyn.estimation.fit import Fit
 from monodyn.estimation.parts import Start
 from monodyn.mechanism.simulate import energy, rollout_derivatives
 from monodyn.mechanism.tree import HINGE, STIFFNESS, Directions
+from monodyn.optimize import DirectSettings, powell
 
 AMPLITUDES = (30.0, 60.0, 90.0, 135.0)
 """Angles from hanging at rest from which hinges are let go [deg]."""
@@ -17,6 +18,8 @@ HAND = float(np.radians(3.0))
 """What a hand is off when it lets go [rad]; of slides in metres as well."""
 PARTED = 1.0
 """Motions that are so far from one another are two motions, of which each tells other things [rad or m]."""
+FIRST = 0.1
+"""First step from a position toward less energy [rad or m]."""
 COARSE = 4
 """Integration steps between stamps with which motions that part are looked for."""
 
@@ -146,8 +149,6 @@ def _whole_degrees(angle: np.ndarray) -> np.ndarray:
 
 def _hanging(fit: Fit, begin: np.ndarray, loose: np.ndarray) -> np.ndarray:
     """Return the positions of least energy next to others, of which those of loose joints may change."""
-    from scipy.optimize import minimize
-
     tree, rest, still = fit.mechanism.tree, begin.copy(), np.zeros((1, len(begin)))
     if not loose.any():
         return rest
@@ -158,5 +159,5 @@ def _hanging(fit: Fit, begin: np.ndarray, loose: np.ndarray) -> np.ndarray:
 
     first = begin[loose]
     unit = max(abs(height(first + 1.0) - height(first)), abs(height(first - 1.0) - height(first)), 1e-9)
-    rest[loose] = minimize(lambda q: height(q) / unit, first, method="BFGS", options={"gtol": 1e-5}).x
+    rest[loose] = powell(lambda q: height(q) / unit, first, FIRST, settings=DirectSettings(tolerance=1e-5)).x
     return rest

@@ -82,8 +82,9 @@ def write_results(
             pictures = write_film(folder, fit, findings.filmed, frames, progress, motion)
         shown = _write_diagnosis(folder, findings)
     # what is written after the page is in the folder, too, when it is read
-    files = [name for name in (*folder.written, "run.json") if name != "run.json" or findings.log is not None]
-    folder.write_text("report.html", page_text(findings, pictures, shown, files))
+    log = findings.log
+    logs = [] if log is None else [*(["run.toml"] if log.again else []), "run.json"]
+    folder.write_text("report.html", page_text(findings, pictures, shown, [*folder.written, *logs]))
     return document
 
 

@@ -31,15 +31,17 @@ class SegmentSettings:
     """How the foreground is found.
 
     Attributes:
-        method: ``fast``: each pixel's coverage from its background and the mechanism's colours.
-        colour: ``auto`` uses the colour channels only where grey alone does not distinguish the mechanism
-            from the background (colour has half the resolution); ``grey`` and ``colour`` force it.
+        method: ``fast``, the only one: each pixel's coverage from its background and the mechanism's colours.
+        colour: ``grey``: by the grey level alone; ``colour``: by the colour channels, too, which have half
+            the resolution; ``auto``: by colour only where grey alone does not distinguish the mechanism from
+            the background.
         contrast: Least difference from the background by which a pixel counts as changed when the
             mechanism's colours are looked for [grey levels]; 0 takes it from the clip: a third of what stands
             out most, above the noise.
         roi: Part of the picture that shows the mechanism: column and row of its upper left corner, width and
-            height [px]; None finds it.
-        time_range: Begin and end [s] of the frames in which the mechanism moves freely; None finds them.
+            height [px]; found when left out.
+        time_range: Begin and end [s] of the frames in which the mechanism moves freely; found when left
+            out.
     """
 
     method: SegmentMethod | None = None
@@ -74,10 +76,10 @@ class CameraSettings:
 
     Attributes:
         method: ``fast``: refined on the edges together with sizes and poses; ``paper``: depth from the
-            silhouette's area and place from its centroid, eq. (1) and (2) of the 2012 paper; None takes that
-            of the whole run, or fast outside of a run.
-        exposure: How long each picture is exposed [s]; 0 for pictures of one instant, None finds it from the
-            blur that motion leaves.
+            silhouette's area and place from its centroid, eq. (1) and (2) of the 2012 paper; that of the
+            whole run when left out.
+        exposure: How long each picture is exposed [s], 0 for pictures of one instant; found from the blur
+            that motion leaves when left out.
         readout: From the exposure of the first row of a picture to that of the last [s], of a rolling
             shutter; negative where the last row comes first.
     """
@@ -106,11 +108,10 @@ class LocateSettings:
 
     Attributes:
         method: ``fast``: a global search, then a refinement on sub-pixel edges over key frames; ``paper``:
-            pose and aspect ratios from one silhouette, eq. (3) and (4) of the 2012 paper; None takes that of
-            the whole run, or fast outside of a run.
+            pose and aspect ratios from one silhouette, eq. (3) and (4) of the 2012 paper; that of the whole
+            run when left out.
         focal: Focal length [px], which is then held; 0 begins with the picture's longer side, which a common
-            lens has within a third.
-            A camera square to the plane does not show it.
+            lens has within a third. A camera square to the plane does not show it.
         search_frames: Key frames of the global search.
         refine_frames: Key frames of the joint refinement.
         seed: Seed of random starts.
@@ -141,8 +142,7 @@ class TrackSettings:
 
     Attributes:
         method: ``fast``: Gauss-Newton on sub-pixel edges; ``paper``: least mismatch of the silhouettes within
-            move limits, eq. (5) of the 2012 paper; None takes that of the whole run, or fast outside of a
-            run.
+            move limits, eq. (5) of the 2012 paper; that of the whole run when left out.
         spacing: Distance between outline samples [px].
         reach: Search length along the normals once the pose is near [px].
         first_reach: Search length from the prediction [px].

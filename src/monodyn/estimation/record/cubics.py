@@ -1,13 +1,98 @@
-"""Numba kernel of the smoothing: a weighted cubic through the neighbours of each time. Plain arrays only."""
+"""Numba kernels of the smoothing: weighted cubics through the neighbours of each time. Plain arrays only."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
+MOST_ROUNDS = 8
+"""Times that weights are taken from residuals and the curve is fitted again, at most."""
 RIDGE = 1e-12
 """Share of the trace that is added to the normal equations: it decides where several samples at one time
 leave the cubic open."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def smooth_curve(times, values, at, widths, least, normal, fewest):  # pragma: no cover - compiled
+    """Fit with each number of neighbours, keep the one that predicts left-out samples best.
+
+    Args:
+        times: Times of the samples [s], (sample,).
+        values: Samples, (sample,).
+        at: Requested times [s], (frame,).
+        widths: Numbers of neighbours, each at most the number of samples, int (width,).
+        least: Smallest noise that is believed.
+        normal: Median of the absolute value of a standard normal variable.
+        fewest: With fewer samples left none counts as far off.
+
+    Returns:
+        Value, slope, second derivative and its standard deviation, (4, frame); standard deviation of the
+        samples about the curve; and whether a sample is far off, bool (sample,).
+    """
+    # the error of a width is that of samples predicted by their neighbours alone: more neighbours average out
+    # more noise and miss more of the motion, and it is least where the two balance
+    width, noise, least_error, far = 0, 0.0, np.inf, np.zeros(times.size, np.bool_)
+    for count in widths:
+        found, off, error = _robust(times, values, count, least, normal)
+        if width == 0 or error < least_error:
+            width, noise, least_error, far = count, found, error, off
+    if times.size - far.sum() < fewest:
+        far[:] = False
+    # gross errors are left out of the curve itself; the samples that stay have equal weight
+    near = ~far
+    times, values = times[near], values[near]
+    count = min(width, times.size)
+    rows, _ = local_cubics(times, values, np.ones(times.size), at, neighbours(times, at, count), count)
+    rows[3] *= noise
+    return rows, noise, far
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _robust(times, values, count, least, normal):  # pragma: no cover - compiled
+    """Fit at the samples, down-weight those far off, fit again.
+
+    Returns the noise of the samples, whether each is far off, and the mean error of a sample left out.
+    """
+    first, weight = neighbours(times, times, count), np.ones(times.size)
+    left_out, rest, size = np.empty(times.size), np.empty(times.size), 0.0
+    for _ in range(MOST_ROUNDS):
+        curve, share = local_cubics(times, values, weight, times, first, count)
+        # a sample that takes part in its own estimate with share s is s nearer to it than to one without it:
+        # residual / (1 - s) is the residual if it were left out
+        for k in range(times.size):
+            rest[k] = max(1.0 - share[k], 0.05)
+            left_out[k] = abs(values[k] - curve[0, k]) / rest[k]
+        size = max(np.median(left_out) / normal, least)
+        if left_out.max() < 6.0 * size:
+            break
+        # bisquare weights: a sample six typical residuals off no longer pulls at the curve, however far off;
+        # the rest of a weight keeps a curve among such samples alone
+        for k in range(times.size):
+            far_off = (left_out[k] / (6.0 * size)) ** 2
+            weight[k] = max(1.0 - far_off, 0.0) ** 2 + 1e-6 / (1.0 + far_off)
+    residual = left_out * np.sqrt(rest)
+    noise = max(np.median(residual) / normal, least)
+    far = (left_out > 8.0 * size) & (residual > 8.0 * noise)
+    return noise, far, np.mean(np.minimum(left_out, 6.0 * size))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def neighbours(times, at, count):  # pragma: no cover - compiled
+    """Return the first of the ``count`` samples nearest to each requested time, int (frame,).
+
+    ``times`` (sample,) increase; ``at`` is (frame,).
+    """
+    first = np.empty(at.size, np.int64)
+    for f in range(at.size):
+        # from a window centred by rank it slides while the sample that enters is nearer than the one that
+        # leaves: times increase, so that a window which no longer moves is the nearest
+        begin = min(max(np.searchsorted(times, at[f]) - count // 2, 0), times.size - count)
+        while begin + count < times.size and abs(times[begin + count] - at[f]) < abs(times[begin] - at[f]):
+            begin += 1
+        while begin > 0 and abs(times[begin - 1] - at[f]) < abs(times[begin + count - 1] - at[f]):
+            begin -= 1
+        first[f] = begin
+    return first
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

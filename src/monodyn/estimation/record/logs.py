@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monodyn.arrays import increasing
 from monodyn.errors import VideoError
-from monodyn.estimation.record.tables import row_numbers, table_rows
+from monodyn.estimation.record.tables import WILD, clock, row_numbers, table_rows
+from monodyn.names import known, quoted, short
 from monodyn.types import TorqueLog
 
 if TYPE_CHECKING:
@@ -46,15 +46,15 @@ def read_torques(path: str | Path, joints: Mechanism | Sequence[str]) -> TorqueL
     columns = _columns(path, header, names)
     table = np.array([row_numbers(path, header, row, line) for line, row in rows])
     for name, column in (("time", header.index("time")), *((header[c], c) for c in columns.values())):
-        bad = np.flatnonzero(~np.isfinite(table[:, column]))
+        bad = np.flatnonzero(~(np.abs(table[:, column]) <= WILD))
         if len(bad):
             line, row = rows[bad[0]]
-            cell = row[column].strip() or "an empty cell"
+            cell = short(row[column].strip()) or "an empty cell"
             raise VideoError(
-                f"{path.name}: line {line}, column '{name}': expected a finite number, got {cell}; a "
-                "torque has to be known throughout."
+                f"{path.name}: line {line}, column '{name}': expected a number within {WILD:g} of 0, got "
+                f"{cell}; a torque has to be known throughout."
             )
-    time = increasing(f"{path.name}: column 'time'", table[:, header.index("time")], error=VideoError)
+    time = clock(path, table[:, header.index("time")])
     torque = table[:, list(columns.values())]
     if len(time) < 2:
         raise VideoError(f"{path.name}: expected two rows of torques or more, got {len(time)}.")
@@ -75,12 +75,10 @@ def _columns(path: Path, header: list[str], names: tuple[str, ...]) -> dict[str,
         for column, name in enumerate(header)
         if (name.endswith(SUFFIX) if suffixed else name not in others)
     }
-    known = ", ".join(map(repr, names))
     if "time" not in header or not found:
-        has = ", ".join(map(repr, header))
         raise VideoError(
             f"{path.name}: expected columns 'time' and '<joint>{SUFFIX}' or '<joint>' of joints with a "
-            f"torque, got {has}; joints: {known}."
+            f"torque, got {quoted(header)}; joints: {quoted(names)}."
         )
     twice = sorted({name for name in header if name and header.count(name) > 1})
     if twice:
@@ -90,7 +88,7 @@ def _columns(path: Path, header: list[str], names: tuple[str, ...]) -> dict[str,
     for name, column in found.items():
         if name not in names:
             raise VideoError(
-                f"{path.name}: column {header[column]!r} is of no joint of the mechanism; joints: {known}. "
-                "Name the column as its joint, or leave it out."
+                f"{path.name}: column {short(header[column])!r} is of no joint of the mechanism; name it as "
+                f"its joint, or leave it out; {known('joints', names, name)}"
             )
     return found

@@ -14,7 +14,7 @@ from monodyn.estimation.record.smooth import motion_size
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.logged import LoggedTorque, logged
 from monodyn.mechanism.upright import by_roll
-from monodyn.names import known
+from monodyn.names import known, quoted
 from monodyn.types import Poses, TorqueLog
 
 MOST_PARTS = 1000
@@ -267,9 +267,9 @@ def _record(number: int, poses: Poses, mechanism: Mechanism) -> tuple[np.ndarray
             raise MechanismError(f"joint {name!r} is not in the mechanism; {known('joints', names, name)}")
     missing = [name for name in names if name not in poses.joints]
     if missing:
-        measured = ", ".join(map(repr, poses.joints))
         raise MechanismError(
-            f"record {number}: joint {missing[0]!r} of the mechanism was not measured; joints: {measured}."
+            f"record {number}: joint {missing[0]!r} of the mechanism was not measured; joints: "
+            f"{quoted(poses.joints)}."
         )
     poses = ordered(poses, mechanism)
     position, covariance = poses.position, poses.covariance

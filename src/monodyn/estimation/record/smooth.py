@@ -6,7 +6,7 @@ and smooths better than any filter. Time stamps may be uneven and frames may be 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,10 +16,12 @@ MIDDLE = (0.025, 0.975)
 """Shares of the positions of a joint between which no gross error lies."""
 WINDOWS = (7, 11, 17, 27)
 """Numbers of neighbours that are tried."""
-FEWEST_SAMPLES = 5
-"""Samples for a cubic and its noise; with fewer left, none of them counts as far off."""
 NORMAL = 0.6745
 """Median of the absolute value of a standard normal variable."""
+FEWEST_SAMPLES = 5
+"""Samples for a cubic and its noise; with fewer left, none of them counts as far off."""
+LEAST_NOISE = 1e-9
+"""Smallest noise that is believed, as a share of the motion."""
 
 POSITION, VELOCITY, ACCELERATION, ACCELERATION_STD = range(4)
 """Rows of a curve, in the order of the kernel."""
@@ -66,6 +68,8 @@ def smooth(poses: Poses) -> Smoothed:
     Source:
         Cleveland, Robust locally weighted regression and smoothing scatterplots, 1979.
     """
+    from monodyn.estimation.record.cubics import smooth_curve
+
     frames, dofs = poses.position.shape
     motion = np.full((CURVE_ROWS, frames, dofs), np.nan)
     noise, outlier = np.full(dofs, np.nan), np.zeros((frames, dofs), dtype=bool)
@@ -74,9 +78,11 @@ def smooth(poses: Poses) -> Smoothed:
         if len(use) < FEWEST_SAMPLES:
             continue
         times, values = poses.time[use], poses.position[use, dof]
-        found = _best_window(times, values, poses.time)
-        motion[:, :, dof], noise[dof] = found.curve, found.noise
-        outlier[use, dof] = found.far
+        widths = [count for count in WINDOWS if count <= len(use)] or [len(use)]
+        least = LEAST_NOISE * motion_size(values) + 1e-12
+        motion[:, :, dof], noise[dof], outlier[use, dof] = smooth_curve(
+            times, values, poses.time, np.array(widths), least, NORMAL, FEWEST_SAMPLES
+        )
     return Smoothed(
         time=poses.time,
         position=motion[POSITION],
@@ -86,99 +92,6 @@ def smooth(poses: Poses) -> Smoothed:
         noise=noise,
         outlier=outlier,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Curve:
-    """A curve at the requested times, in the rows named above, (row, frame); how well the samples are met."""
-
-    curve: np.ndarray
-    noise: float
-    far: np.ndarray
-    error: float
-
-
-def _best_window(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> _Curve:
-    """Fit with each number of neighbours and keep the one that predicts left-out samples best."""
-    # the error of a width is that of samples predicted by their neighbours alone: more neighbours average out
-    # more noise and miss more of the motion, and it is least where the two balance
-    widths = [count for count in WINDOWS if count <= len(times)] or [len(times)]
-    tried = [_fit(times, values, count) for count in widths]
-    best = min(tried, key=lambda curve: curve.error)
-    width = widths[tried.index(best)]
-    if len(times) - int(best.far.sum()) < FEWEST_SAMPLES:
-        best = replace(best, far=np.zeros(len(times), dtype=bool))
-    # gross errors are left out of the curve itself; the samples that stay have equal weight
-    near = ~best.far
-    count = min(width, int(near.sum()))
-    rows, _ = _cubics(times[near], values[near], np.ones(int(near.sum())), at, count)
-    rows[ACCELERATION_STD] *= best.noise
-    return _Curve(rows, best.noise, best.far, best.error)
-
-
-def _fit(times: np.ndarray, values: np.ndarray, count: int) -> _Curve:
-    """Fit at the samples, down-weight those far off, fit again."""
-    weight = np.ones(len(times))
-    least = 1e-9 * motion_size(values) + 1e-12
-    for _ in range(8):
-        curve, share = _cubics(times, values, weight, times, count)
-        # a sample that takes part in its own estimate with share s is s nearer to it than to one without it:
-        # residual / (1 - s) is the residual if it were left out
-        rest = np.maximum(1.0 - share, 0.05)
-        left_out = np.abs(values - curve[POSITION]) / rest
-        size = max(float(np.median(left_out)) / NORMAL, least)
-        if left_out.max() < 6.0 * size:
-            break
-        # bisquare weights: a sample six typical residuals off no longer pulls at the curve, however far off;
-        # the rest of a weight keeps a curve among such samples alone
-        far_off = (left_out / (6.0 * size)) ** 2
-        weight = np.clip(1.0 - far_off, 0.0, 1.0) ** 2 + 1e-6 / (1.0 + far_off)
-    residual = left_out * np.sqrt(rest)
-    noise = max(float(np.median(residual)) / NORMAL, least)
-    far = (left_out > 8.0 * size) & (residual > 8.0 * noise)
-    return _Curve(curve, noise, far, float(np.mean(np.minimum(left_out, 6.0 * size))))
-
-
-def _cubics(
-    times: np.ndarray, values: np.ndarray, weight: np.ndarray, at: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Fit a cubic about each requested time.
-
-    Args:
-        times: Times of the samples [s], (sample,).
-        values: Samples, (sample,).
-        weight: Weight of each sample, (sample,).
-        at: Requested times [s], (frame,).
-        count: Number of neighbours.
-
-    Returns:
-        The curve in the rows named above, its standard deviation for unit noise, (row, frame); and the share
-        of a sample in its own estimate (its leverage), (frame,), of use where ``at`` are the samples.
-    """
-    from monodyn.estimation.record.cubics import local_cubics
-
-    return local_cubics(times, values, weight, at, _neighbours(times, at, count), count)
-
-
-def _neighbours(times: np.ndarray, at: np.ndarray, count: int) -> np.ndarray:
-    """First of the ``count`` samples nearest to each requested time, int (frame,)."""
-    # start from a window centred by rank, then slide it one sample at a time while the sample that enters is
-    # nearer than the one that leaves; times increase, so that a window which no longer moves is the nearest
-    first = np.searchsorted(times, at) - count // 2
-    first = np.clip(first, 0, len(times) - count)
-    for _ in range(count):
-        after = np.minimum(first + count, len(times) - 1)
-        closer = (first + count < len(times)) & (np.abs(times[after] - at) < np.abs(times[first] - at))
-        if not closer.any():
-            break
-        first = first + closer
-    for _ in range(count):
-        before = np.maximum(first - 1, 0)
-        closer = (first > 0) & (np.abs(times[before] - at) < np.abs(times[first + count - 1] - at))
-        if not closer.any():
-            break
-        first = first - closer
-    return first
 
 
 def motion_size(values: np.ndarray) -> float:

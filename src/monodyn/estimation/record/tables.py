@@ -14,6 +14,7 @@ import numpy as np
 
 from monodyn.arrays import increasing
 from monodyn.errors import VideoError
+from monodyn.names import meant, near, near_files, quoted, short
 from monodyn.types import Poses, shared_columns
 
 if TYPE_CHECKING:
@@ -21,6 +22,12 @@ if TYPE_CHECKING:
 
 SEEN_WORDS = {"1": True, "true": True, "0": False, "false": False}
 """What a cell of the column ``seen`` may hold; some tools write words."""
+WILD = 1e30
+"""Largest number of a table; powers of larger ones go beyond what the arithmetic can hold."""
+SHORTEST = 1e-9
+"""Shortest time between two rows [s]."""
+SIGNS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
+"""What other programs write between cells in place of commas."""
 
 
 def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
@@ -51,7 +58,7 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     # numbers first, then what they may be: a message names the first thing that is wrong in a line
     table = np.array([row_numbers(path, header, row, line) for line, row in rows])
     _check_values(path, columns, names, rows, table)
-    time = increasing(f"{path.name}: column 'time'", table[:, columns["time"]], error=VideoError)
+    time = clock(path, table[:, columns["time"]])
     position = table[:, [columns[name] for name in names]]
     seen, joint_seen = _seen(position, table, columns, names)
     frame = table[:, columns["frame"]].astype(int) if "frame" in columns else np.arange(len(time))
@@ -137,7 +144,9 @@ def table_rows(path: Path, what: str = "joint positions") -> tuple[list[str], li
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise VideoError(f"{path}: cannot be read ({error.strerror}); name a table of {what}.") from None
+        asked = [] if path.exists() else near_files(path)
+        end = meant(asked) or f"name a table of {what}."
+        raise VideoError(f"{path}: cannot be read ({error.strerror}); {end}") from None
     except UnicodeDecodeError:
         raise VideoError(
             f"{path.name}: expected a table of comma-separated values, got binary data."
@@ -147,17 +156,72 @@ def table_rows(path: Path, what: str = "joint positions") -> tuple[list[str], li
     except csv.Error as error:
         raise VideoError(f"{path.name}: expected a table of comma-separated values, but {error}.") from None
     rows = [(i + 1, row) for i, row in enumerate(lines) if any(cell.strip() for cell in row)]
+    header = [cell.strip() for cell in rows[0][1]] if rows else []
+    if odd := _other_sign(header):
+        raise VideoError(
+            f"{path.name}: expected commas between the cells, got {odd}; save it with commas, and "
+            "with points in its numbers."
+        )
     if len(rows) < 2:
         raise VideoError(f"{path.name}: expected a header line and rows of numbers, got {len(rows)} lines.")
-    return [cell.strip() for cell in rows[0][1]], rows[1:]
+    if all(_is_number(cell) for cell in header):
+        raise VideoError(
+            f"{path.name}: expected a header line, got numbers in line {rows[0][0]}; name the columns there, "
+            "'time' and others."
+        )
+    return header, rows[1:]
+
+
+def _other_sign(header: list[str]) -> str:
+    """Return what divides the cells of a header in place of commas, in words; nothing where commas do."""
+    found = [word for sign, word in SIGNS.items() if len(header) == 1 and sign in header[0]]
+    return found[0] if found else ""
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def clock(path: Path, times: np.ndarray) -> np.ndarray:
+    """Return the times of a table [s], (row,).
+
+    Args:
+        path: The file, for a message.
+        times: Its column ``time``, (row,).
+
+    Raises:
+        VideoError: They are not finite, do not increase, or are such as no clock shows.
+    """
+    where = f"{path.name}: column 'time'"
+    increasing(where, times, error=VideoError)
+    if np.abs(times).max() > WILD:
+        raise VideoError(
+            f"{where}: expected times within {WILD:g} s of 0, got {times[np.argmax(np.abs(times))]:g}; give "
+            "them in seconds."
+        )
+    if len(times) > 1 and np.diff(times).min() < SHORTEST:
+        raise VideoError(
+            f"{where}: expected rows {SHORTEST:g} s apart or more, got two with {np.diff(times).min():g} s "
+            "between them; give the times in seconds."
+        )
+    return times
 
 
 def _columns(path: Path, header: list[str], names: tuple[str, ...]) -> dict[str, int]:
     """Index of each column by its name."""
     missing = [name for name in ("time", *names) if name not in header]
     if missing:
-        needs, has = ", ".join(map(repr, missing)), ", ".join(map(repr, header))
-        raise VideoError(f"{path.name}: column {needs} is missing; columns: {has}.")
+        there = [name for name in ("time", *names) if name in header]
+        plain = [name for name in header if not name.startswith(tuple(f"{one}_" for one in there))]
+        # a header in capitals lacks them all; the column of another joint was not meant
+        others = [name for name in plain if name not in there]
+        asked = [repr(found) for name in missing for found in near(others, name)[:1]]
+        end = f"did you mean {' and '.join(asked)}?" if asked else f"columns: {quoted(plain)}."
+        raise VideoError(f"{path.name}: column {quoted(missing)} is missing; {end}")
     twice = sorted({name for name in header if name and header.count(name) > 1})
     if twice:
         raise VideoError(
@@ -189,7 +253,7 @@ def row_numbers(path: Path, header: list[str], row: list[str], line: int) -> lis
             numbers.append(float(SEEN_WORDS.get(cell.lower(), cell)) if cell else float("nan"))
         except ValueError:
             raise VideoError(
-                f"{path.name}: line {line}, column {name!r}: expected a number, got {cell!r}."
+                f"{path.name}: line {line}, column {name!r}: expected a number, got {short(cell)!r}."
             ) from None
     return numbers
 
@@ -236,9 +300,9 @@ def _check_values(
     errors = [column for column in columns if column.rstrip("0123456789") in {f"{n}_shared" for n in names}]
     rules = [
         (["frame"], lambda x: np.isfinite(x) & (x == np.rint(x)), "a whole number"),
-        (names, lambda x: ~np.isinf(x), "a finite number, or nothing for a gap"),
-        (errors, lambda x: ~np.isinf(x), "a finite error, or nothing"),
-        (deviations, lambda x: ~np.isinf(x) & ~(x < 0), "a standard deviation of zero or more, or nothing"),
+        (names, lambda x: ~(np.abs(x) > WILD), f"a number within {WILD:g} of 0, or nothing for a gap"),
+        (errors, lambda x: ~(np.abs(x) > WILD), f"an error within {WILD:g} of 0, or nothing"),
+        (deviations, lambda x: ~(x > WILD) & ~(x < 0), f"a deviation from 0 to {WILD:g}, or nothing"),
     ]
     for chosen, holds, expected in rules:
         for name in chosen:
@@ -247,7 +311,7 @@ def _check_values(
             bad = np.flatnonzero(~holds(table[:, columns[name]]))
             if len(bad):
                 line, row = rows[bad[0]]
-                cell = row[columns[name]].strip() or "an empty cell"
+                cell = short(row[columns[name]].strip()) or "an empty cell"
                 raise VideoError(
                     f"{path.name}: line {line}, column {name!r}: expected {expected}, got {cell}."
                 )

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.starts import least_driven
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.drive import fourier_basis
+from monodyn.optimize import golden_section
 
 FEWEST_PERIODS = 1.25
 """A record this many periods long shows that something repeats."""
@@ -264,8 +264,6 @@ class _Scan:
 
     def refined(self, guess: PeriodGuess, bounds: tuple[float, float]) -> PeriodGuess:
         """Move a period between its neighbours in the scan to where the criterion is least."""
-        from scipy.optimize import minimize_scalar
-
         # the criterion is smooth within a step of the scan, whose neighbours were both above this one
         step = self.step(guess.terms)
         ends = np.clip(
@@ -273,13 +271,12 @@ class _Scan:
             1.0 / bounds[1],
             1.0 / max(bounds[0], 1e-9),
         )
-        best: Any = minimize_scalar(
+        best = golden_section(
             lambda frequency: self.fit(1.0 / frequency, guess.terms).criterion,
-            bounds=ends,
-            method="bounded",
-            options={"xatol": 0.01 * step},
+            (float(ends[0]), float(ends[1])),
+            0.01 * step,
         )
-        return self.fit(1.0 / float(best.x), guess.terms)
+        return self.fit(1.0 / best.x, guess.terms)
 
     def fit(self, period: float, terms: int) -> PeriodGuess:
         """Fit a series of one period, the other unknowns free to move."""

@@ -7,6 +7,7 @@ the covariance at the optimum gives intervals that miss. Draws follow the poster
 from __future__ import annotations
 
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
@@ -88,11 +89,10 @@ def _noise(surrogate: Surrogate, freedom: float) -> np.ndarray:
         McKay, Beckman and Conover, A comparison of three methods for selecting values of input variables,
         1979 (Latin hypercubes).
     """
-    from scipy.special import ndtri
-
     rng = np.random.default_rng(SEED)
     measured, assumed = len(surrogate.level), len(surrogate.aims)
-    parts = np.tile(ndtri((np.arange(DRAWS) + 0.5) / DRAWS)[:, None], measured + assumed)
+    each = np.array([NormalDist().inv_cdf((i + 0.5) / DRAWS) for i in range(DRAWS)])
+    parts = np.tile(each[:, None], measured + assumed)
     noise = rng.permuted(parts, axis=0)
     noise = np.linalg.solve(np.linalg.cholesky(noise.T @ noise / DRAWS), noise.T).T
     # the size of the record's noise is known from so many residuals only

@@ -26,6 +26,7 @@ from monodyn.estimation.verdict.refits import refitted
 from monodyn.estimation.verdict.repeating import repeating_share
 from monodyn.estimation.verdict.shares import with_share
 from monodyn.estimation.verdict.springs import like_weight
+from monodyn.estimation.verdict.student import half_width
 from monodyn.estimation.verdict.trust import (
     EVEN,
     LOST_SHARE,
@@ -90,7 +91,7 @@ def summarize(
     )  # fmt: skip
     by_noise, hardly = fit, None
     if settings.uncertainty != "linear":
-        quantile = _quantile(found.freedom)
+        quantile = half_width(found.freedom)
         parameters, hardly = refitted(found, fit.parameters, quantile, settings, progress)
         fit = replace(fit, parameters=parameters, seconds=time.perf_counter() - began)
     missed = verdict(found.problem, found.optimum, fit.rms, found.noise)
@@ -106,7 +107,7 @@ def summarize(
     shares = [] if lost else [*density_shares(found, by_noise), repeating_share(found, random)]
     for more in (by_gravity, *shares):
         parameters, ratios = with_share(
-            fit.parameters, fit.combinations, more, found.problem, _quantile(found.freedom)
+            fit.parameters, fit.combinations, more, found.problem, half_width(found.freedom)
         )
         fit = replace(fit, parameters=parameters, combinations=ratios)
     ended = [problem.unknowns.named(x) for x in optimum.twins]
@@ -309,8 +310,8 @@ def fit_of(
         doubts=(),
         advice=(),
         mechanism=mechanism,
-        parameters=estimates(problem, optimum, known, _quantile(freedom), drawn),
-        combinations=combinations(problem, optimum.x, known, _quantile(freedom), drawn),
+        parameters=estimates(problem, optimum, known, half_width(freedom), drawn),
+        combinations=combinations(problem, optimum.x, known, half_width(freedom), drawn),
         starts=_starts(problem, optimum, covariance),
         tied=tuple((name, unknowns.names[i]) for name, i in tied),
         covariance=covariance,
@@ -323,13 +324,6 @@ def fit_of(
         seconds=time.perf_counter() - began,
         torques=tuple(torque.log for torque in data.torques),
     )
-
-
-def _quantile(freedom: float) -> float:
-    """Return the half width of a 95 % interval in standard deviations."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(max(freedom, 1.0), 0.975))
 
 
 def _natural(problem: Problem, optimum: Optimum, known: Knowledge) -> np.ndarray:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from monodyn.errors import VideoError
+from monodyn.names import meant, near_files, quoted
 from monodyn.types import Frame
 from monodyn.vision.clip.orientation import Planes, Turn, upright_planes
 
@@ -91,11 +92,14 @@ def load_picture(path: Path, what: str) -> Planes:
     from av.video.reformatter import VideoReformatter
 
     if not path.is_file():
-        raise VideoError(f"{what} '{path}': expected a picture file, found none; check the path.")
+        end = meant(near_files(path)) or "check the path."
+        raise VideoError(f"{what} '{path}': expected a picture file, found none; {end}")
     # cv2 raises on an empty buffer; a single zero is no picture either, and gives None
     picture = cv2.imdecode(np.frombuffer(path.read_bytes() or b"\0", np.uint8), cv2.IMREAD_ANYCOLOR)
     if picture is None:
-        raise VideoError(f"{what} '{path}': expected a png, jpg, bmp or tif picture, cannot read it as one.")
+        raise VideoError(
+            f"{what} '{path}': expected a png, jpg, bmp or tif picture, cannot read it as one; save it anew."
+        )
     form = "gray" if picture.ndim == 2 else "bgr24"
     frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture, dtype=np.uint8), format=form)
     return upright_planes(frame, VideoReformatter(), (frame.width, frame.height), Turn())
@@ -152,10 +156,9 @@ def series(path: Path) -> tuple[list[Path], list[int]]:
             "name them like frame0001.png."
         )
     if len(found) > 1:
-        names = ", ".join(f"'{name}'" for name in sorted(found))
         raise VideoError(
-            f"clip '{path}': expected one series of numbered pictures, got {len(found)} ({names}); "
-            "keep each in a folder of its own."
+            f"clip '{path}': expected one series of numbered pictures, got {len(found)} "
+            f"({quoted(sorted(found))}); keep each in a folder of its own."
         )
     series = sorted(next(iter(found.values())))
     numbers = [number for number, _ in series]

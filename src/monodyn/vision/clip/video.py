@@ -16,6 +16,7 @@ import numpy as np
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import VideoError
 from monodyn.markup import card, counted, sentences, stretch
+from monodyn.names import meant, near_files
 from monodyn.types import Frame
 from monodyn.vision.clip.ahead import made_ahead
 from monodyn.vision.clip.repeats import NO_REPEATS, Repeats
@@ -211,8 +212,9 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
 
         return _checked(Video(path, *read_folder(path, rate)))
     if not path.exists():
+        end = meant(near_files(path)) or "check the path."
         raise VideoError(
-            f"clip '{path}': expected a video file or a folder of pictures, found nothing; check the path."
+            f"clip '{path}': expected a video file or a folder of pictures, found nothing; {end}"
         )
     if not path.is_file():
         raise VideoError(

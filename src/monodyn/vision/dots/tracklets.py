@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monodyn.vision.dots.pairs import cheapest_pairs
 from monodyn.vision.dots.spots import Spots
 
 NEAR_PX = 3.0
@@ -91,15 +92,13 @@ def _joined(
     spots: Spots, runs: list[list[int]], new: np.ndarray, after: np.ndarray, farthest: float
 ) -> tuple[list[tuple[int, int]], set[int]]:
     """Return which run goes on with which spot, and the runs that end because that is not clear."""
-    from scipy.optimize import linear_sum_assignment
-
     if not len(runs) or not len(new):
         return [], set()
     row = int(spots.row[new[0]])
     away, near = np.full((len(runs), len(new)), np.inf), np.zeros(len(runs))
     for k, run in enumerate(runs):
         away[k], near[k] = _away(spots, run, row, new, after, farthest)
-    rows, columns = linear_sum_assignment(np.minimum(away / near[:, np.newaxis], 1e3))
+    rows, columns = cheapest_pairs(np.minimum(away / near[:, np.newaxis], 1e3))
     joined, broken = [], set()
     for k, j in zip(rows, columns, strict=True):
         if away[k, j] > near[k]:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from monodyn.solving import product, solved
 from monodyn.vision.drawing.edges import (
     LINK_COLUMNS,
     ROBUST,
@@ -143,9 +144,9 @@ def follow_kernel(
         for j in range(dofs):
             held[j, j] += damping[j]
             right[j] += damping[j] * (start[j] - position[j])
-        step = np.linalg.solve(held, right)
+        step = solved(held, right)
         position = np.minimum(np.maximum(position + step, limits.lower), limits.upper)
-        moved, weight = step @ (normal @ step), found[:, ROBUST].sum()
+        moved, weight = np.sum(step * product(normal, step)), found[:, ROBUST].sum()
         # a step as small as this leaves the next one nothing, and the picture no other information
         if reach == last and moved < SETTLED_PX * SETTLED_PX * weight:
             return position, normal, found, kept

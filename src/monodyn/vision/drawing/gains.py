@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.solving import eliminate
 from monodyn.vision.drawing.edges import POSE_STEP, Shifts, moved_points
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.drawing.silhouette import blank_outlines, draw
@@ -63,5 +64,8 @@ def pose_gains(rig: Rig, shifts: Shifts, positions: np.ndarray) -> np.ndarray:
                             normal[j, k] += 0.5 * length * row[j] * row[k]
         ridge = RIDGE * np.diag(normal)[:dofs].max() + 1e-300
         own = normal[:dofs, :dofs] + ridge * np.eye(dofs)
-        gains[f] = -np.linalg.solve(own, np.ascontiguousarray(normal[:dofs, dofs:]))
+        gain = -normal[:dofs, dofs:]
+        if not eliminate(own, gain):
+            gain[:] = np.nan
+        gains[f] = gain
     return gains

@@ -16,6 +16,7 @@ import numpy as np
 
 from monodyn.errors import VideoError
 from monodyn.mechanism import Mechanism
+from monodyn.names import meant, near_files
 from monodyn.types import Frame
 from monodyn.vision.clip.folder import DEFAULT_RATE, series, steps_of
 from monodyn.vision.clip.video import Decode, Video, check_rate, read
@@ -113,6 +114,12 @@ def _opened(path: Path, mechanism: Mechanism, rate: float | None, clip: Video | 
         pictures = _Folder(tuple(files))
         frames, notes = steps_of(path, numbers)
     else:
+        if not path.exists():
+            end = meant(near_files(path)) or "check the path."
+            raise VideoError(
+                f"masks '{path}': expected a film, a folder of pictures or an array (.npz, .npy), found "
+                f"nothing; {end}"
+            )
         film = read(path, rate=rate)
         return (film if clip is None else replace(film, remarks=[])), 1
     count = int(frames[-1]) + 1

@@ -181,14 +181,14 @@ def _evidence(path: np.ndarray, kept: np.ndarray, stiffness: float) -> tuple[flo
     Source:
         Restricted maximum likelihood of y = f + e with white second differences of f.
     """
-    from scipy.linalg import cholesky_banded
+    from monodyn.solving import banded_root
 
     weight = kept.astype(np.float64)
     smooth = smoothed(path, weight, stiffness)
     bend = np.diff(smooth, 2, axis=0)
     squares = float(np.sum(weight[:, None] * (path - smooth) ** 2) + stiffness * np.sum(bend**2))
     free = path.shape[1] * max(int(kept.sum()) - 2, 1)
-    size = 2.0 * float(np.sum(np.log(cholesky_banded(_bands(weight, stiffness))[2])))
+    size = 2.0 * float(np.sum(np.log(banded_root(_bands(weight, stiffness))[2])))
     bent = (len(path) - 2) * np.log(stiffness)
     return stiffness, (
         free * np.log(squares / free + 1e-30) + path.shape[1] * (size - bent),
@@ -221,9 +221,9 @@ def smoothed(path: np.ndarray, weight: np.ndarray, stiffness: float) -> np.ndarr
     Returns:
         The smooth path, (frame, 2).
     """
-    from scipy.linalg import solveh_banded
+    from monodyn.solving import banded_root, banded_solved
 
-    return solveh_banded(_bands(weight, stiffness), weight[:, None] * path)
+    return banded_solved(banded_root(_bands(weight, stiffness)), weight[:, None] * path)
 
 
 def _bands(weight: np.ndarray, stiffness: float) -> np.ndarray:

@@ -15,6 +15,7 @@ import numpy as np
 from monodyn.errors import MechanismError, VideoError
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import HINGE
+from monodyn.names import quoted
 from monodyn.vision.points.adjust import OUTSIDE, Adjustment, Fitted, Seen, refine, weights
 from monodyn.vision.points.begin import rigid_marks
 from monodyn.vision.points.found import scene_of
@@ -113,9 +114,9 @@ def check_shown(marks: Sequence[Mark], mechanism: Mechanism, seen: Seen, tracks:
         mechanism.joints[i].name for i in range(len(mechanism.joints)) if not _directed(marks, mechanism, i)
     ]
     if lacking:
-        names = ", ".join(f"'{name}'" for name in lacking)
         raise MechanismError(
-            f"points: expected a point for each joint that its body moves, got none for {names}; track the "
+            f"points: expected a point for each joint that its body moves, got none for "
+            f"{quoted(lacking)}; track the "
             "far end of that body, its next joint or a site on it."
         )
     most = int(np.max(np.sum(seen.weight > 0.0, axis=0), initial=0))

@@ -16,6 +16,7 @@ from monodyn.errors import MechanismError, SettingsError
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.axis import long_axis, profile
 from monodyn.mechanism.dots import dots_of
+from monodyn.names import known, meant, near, quoted
 
 JOINT, END, SITE, FREE, SCENE = "joint", "end", "site", "free", "scene"
 """Kinds of marks: at a joint, at the far end of a body, at a site of the file, anywhere on a body, and in the
@@ -71,7 +72,7 @@ def marks_of(
     odd = [name for name in mapped if name not in names]
     if odd:
         raise SettingsError(
-            f"points.map: expected points of the table ({_listed(names)}), got '{odd[0]}'; correct the name."
+            f"points.map: point '{odd[0]}' is not in the table; {known('points', names, odd[0])}"
         )
     found, unknown = [], []
     for name in names:
@@ -80,13 +81,19 @@ def marks_of(
             continue
         mark = _matched(name, wanted, targets, exact=name in mapped)
         if mark is None:
-            unknown.append(wanted if name not in mapped else f"{name}={wanted}")
+            unknown.append((name, wanted))
         else:
             found.append(mark)
     if unknown:
+        said = [wanted if name not in mapped else f"{name}={wanted}" for name, wanted in unknown]
+        if alike := near(list(targets), unknown[0][1]):
+            raise SettingsError(
+                f"point {quoted(said[:1])}: expected a joint, a body (its far end), a site or the scene; "
+                f"{meant(alike)}"
+            )
         raise SettingsError(
-            f"points {_listed(unknown)}: expected joints, bodies (their far ends), sites or the scene "
-            f"({_listed(list(targets))}); say what each is with --points.map NAME=TARGET, or leave it out "
+            f"points {quoted(said)}: expected joints, bodies (their far ends), sites or the scene "
+            f"({quoted(list(targets))}); say what each is with --points.map NAME=TARGET, or leave it out "
             f"with NAME={NOTHING}."
         )
     _refuse_same(found)
@@ -163,7 +170,3 @@ def _refuse_same(marks: Sequence[Mark]) -> None:
                     f"points '{other.track}' and '{mark.track}': expected one point at '{mark.target}', "
                     f"got two; leave one out with --points.map {mark.track}={NOTHING}."
                 )
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(f"'{name}'" for name in names)

@@ -12,6 +12,7 @@ import numpy as np
 
 from monodyn.choices import check_choice
 from monodyn.errors import VideoError
+from monodyn.names import meant, near_files
 from monodyn.vision.clip.video import Video, check_rate
 from monodyn.vision.formats import deeplabcut, kinovea, plain, sleap, tracker
 from monodyn.vision.formats.table import PointTable, rows_of, text_of
@@ -94,7 +95,9 @@ def _table(path: Path) -> PointTable:
             hdf5 = file.read(len(SIGNATURE)) == SIGNATURE
         text = "" if hdf5 else text_of(path)
     except OSError as error:
-        raise VideoError(f"{path}: cannot be read ({error.strerror}); name a table of points.") from None
+        asked = [] if path.exists() else near_files(path)
+        end = meant(asked) or "name a table of points."
+        raise VideoError(f"{path}: cannot be read ({error.strerror}); {end}") from None
     try:
         return _from_hdf5(path) if hdf5 else _from_text(path, text)
     except (csv.Error, OSError, AttributeError, LookupError, TypeError, ValueError, RuntimeError) as error:
@@ -110,8 +113,8 @@ def _from_hdf5(path: Path) -> PointTable:
         h5py: Any = importlib.import_module("h5py")
     except ImportError:
         raise VideoError(
-            f"{path.name}: reading HDF5 needs the package h5py, which is not installed; pip install h5py, "
-            "or give the points as CSV."
+            f"{path.name}: reading HDF5 needs the package h5py, which is not installed; "
+            "pip install 'monodyn[hdf5]', or give the points as CSV."
         ) from None
     with h5py.File(path, "r") as file:
         _check_arrays(path, file, h5py)

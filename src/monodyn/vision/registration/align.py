@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from monodyn.solving import inverted, product, solved
 from monodyn.vision.clip.homography import Homography
 from monodyn.vision.registration.keypicture import BLOCKS, LEAST_BLOCKS, LEAST_POINTS, Key, Level, halfway
 
@@ -163,8 +164,8 @@ def _spread(normal: np.ndarray, right: np.ndarray, bending: float) -> float:
     count, spread, noise = 0, 0.0, 0.0
     for b in range(len(normal)):
         if normal[b, 0, 0] + normal[b, 1, 1] > 0.0:
-            inverse = np.linalg.inv(whole - normal[b])
-            step = inverse @ (total - right[b])
+            inverse = inverted(whole - normal[b])
+            step = product(inverse, total - right[b])
             # zoom and turn count as what they do halfway to a corner, perspective, which hardly shows in the
             # middle, does not; what is left without the most important block must determine the
             # displacement too
@@ -207,14 +208,16 @@ def _align(
             bent = -entries[2, j] * reach * reach
             whole[BENT + j, BENT + j] += 1.0 / bending**2
             g[BENT + j] += bent / bending**2
-        step = np.linalg.solve(whole, g)
+        step = solved(whole, g)
         # The picture shows at W(z) what the key picture shows at z moved by the step: W is taken back by it.
         change[0, 0] = change[1, 1] = 1.0 + step[2] / reach
         change[1, 0], change[0, 1] = step[3] / reach, -step[3] / reach
         change[0, 2], change[1, 2] = step[0], step[1]
         change[2, 0], change[2, 1] = -step[4] / reach**2, -step[5] / reach**2
         change[2, 2] = 1.0
-        entries[:] = entries @ np.linalg.inv(change)
+        back = inverted(change)
+        for j in range(3):
+            entries[j] = product(back.T, entries[j])
         entries[:] = entries / entries[2, 2]
         light[0] += step[6]
         light[1] += step[7]

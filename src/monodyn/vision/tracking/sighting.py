@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from monodyn.solving import inverted
 from monodyn.vision.drawing.edges import BEHIND, COVERED, NEAR, SAMPLES, SQUARES, TRUST
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow_kernel
 from monodyn.vision.drawing.rig import Rig
@@ -116,7 +117,7 @@ def _weighed(information: np.ndarray, links: np.ndarray, rule: Rule) -> tuple[np
     # where the picture does not show a joint, the move limit is all that is known of it
     for j in range(known.shape[0]):
         known[j, j] += 1.0 / (rule.move[j] * rule.move[j])
-    covariance = np.linalg.inv(known)
+    covariance = inverted(known)
     joints = np.zeros(known.shape[0], dtype=np.bool_)
     if matched >= rule.matched and inside >= rule.inside:
         for j in range(known.shape[0]):
