@@ -13,7 +13,7 @@ function plot(place, data, layout) {
   Plotly.react(place, data, layout, {responsive: false, displaylogo: false,
     displayModeBar: layout.width < 620 ? false : "hover", modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"]});
 }
-// draw(number, place, width) draws the plot of a card
+// draw(number, place, width, printed) draws the plot of a card
 function keepDrawn(draw) {
   const cards = [...document.querySelectorAll(".plot")], drawn = new Map();
   let printed = false;
@@ -21,7 +21,7 @@ function keepDrawn(draw) {
     // a card that is hidden has no width
     if (place.clientWidth < 50) return;
     drawn.set(place, place.clientWidth);
-    draw(Number(place.id.slice("plot".length)), place, printed ? SHEET : place.clientWidth);
+    draw(Number(place.id.slice("plot".length)), place, printed ? SHEET : place.clientWidth, printed);
   };
   const all = () => cards.forEach(one);
   const print = (on) => { printed = on; document.documentElement.classList.toggle("printed", on); all(); };
