@@ -22,17 +22,17 @@ HELP = """Usage: monodyn COMMAND ...
 A clip of a planar mechanism in, a simulator of it out.
 
 Commands:
-  run        track a clip, identify the mechanism, predict, write the run folder
-  live       follow and identify a mechanism while a camera, a stream or a clip plays
-  track      track a clip and write poses.csv
-  identify   identify a mechanism from tables of joint positions
-  predict    predict how the mechanism of a run moves, from any state or moment
-  control    design a controller for the mechanism of a run, and simulate it
-  demo       run the clip that is installed with the program
-  warm       compile what runs need, once after installing
-  models     list the bundled mechanisms
-  completion print a script by which bash, zsh or fish completes command lines
-  reproduce  repeat the experiment of the 2012 paper and write a page about it
+  run         track a clip, identify the mechanism, predict, write the run folder
+  live        follow and identify a mechanism while a camera, a stream or a clip plays
+  track       track a clip and write poses.csv
+  identify    identify a mechanism from tables of joint positions
+  predict     predict how the mechanism of a run moves, from any state or moment
+  control     design a controller for the mechanism of a run, and simulate it
+  demo        run the clip that is installed with the program
+  warm        compile what runs need, once after installing
+  models      list the bundled mechanisms
+  completion  print a script by which bash, zsh or fish completes command lines
+  reproduce   repeat the experiment of the 2012 paper and write a page about it
 
 Examples:
   monodyn run clip.mp4 --model double.xml --out run

@@ -211,7 +211,7 @@ class CompletionOptions:
     """Print a script by which a shell completes command lines.
 
     Attributes:
-        shell: The shell.
+        shell: The shell: ``bash``, ``zsh`` or ``fish``.
     """
 
     shell: Shell = field(metadata={"metavar": "bash|zsh|fish", "word": True})

@@ -52,7 +52,8 @@ const joint = (state, step, name) => {
   return [[name], [where], [short(step.std[name])], [short(step.error?.[name])], [unit, "unit"]];
 };
 
-const parameter = ([name, row]) => {
+const parameter = ([full, row]) => {
+  const name = full.replace(".", ".\u200b");
   if (row.std === null) return [[name], ["not determined", "open"], [row.unit, "unit"], [""], [null, "bar"]];
   const half = row.upper === null || row.lower === null ? null : (row.upper - row.lower) / 2;
   // an angle may be about zero

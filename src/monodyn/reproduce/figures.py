@@ -27,7 +27,7 @@ class Figure:
         title: Heading.
         caption: What it shows, and what to look at.
         columns: Panels in a row.
-        panels: Plain data for the script: title, unit, window, log, time and series.
+        panels: Plain data for the script: title, quantity, unit, window, log, across and series.
         legend: Kind, colour and text of what is drawn.
     """
 
@@ -86,16 +86,20 @@ def numbers(values: np.ndarray) -> list[float | None]:
     return [float(f"{v:.6g}") if np.isfinite(v) else None for v in np.asarray(values, dtype=float)]
 
 
-def panel(title: str, unit: str, content: Sequence[Mapping[str, Any]], **more: Any) -> dict[str, Any]:
+def panel(
+    title: str, quantity: str, unit: str, content: Sequence[Mapping[str, Any]], **more: Any
+) -> dict[str, Any]:
     """Return one panel.
 
     Args:
         title: Heading.
-        unit: Unit of the ordinate.
+        quantity: What the ordinate is.
+        unit: Its unit; empty where the quantity names it.
         content: Series.
         more: ``window`` (first and last fitted time [s]), ``log`` and ``across`` (title of the abscissa).
     """
-    return {"title": title, "unit": unit, "series": content, "across": "time [s]", **more}
+    across = {"across": "time [s]", **more}
+    return {"title": title, "quantity": quantity, "unit": unit, "series": content, **across}
 
 
 def case_figure(
@@ -159,14 +163,15 @@ def _case_panels(column: Column, units: Sequence[JointUnit], design: Design) -> 
             fitted = unit.factor * column.states[:, dof]
             content.append(series("dots", "fitted", time[: len(fitted)], fitted, "filtered, fitted"))
         content.append(series("line", case.plan.method, time, unit.factor * position[:, dof], "simulated"))
-        panels.append(panel(f"{column.title}: {unit.symbol}", unit.unit, content, window=window))
+        panels.append(panel(f"{column.title}: {unit.symbol}", unit.symbol, unit.unit, content, window=window))
     against = "truth" if true is not None else "estimated"
     error = (position - (measured if true is None else true)) * [unit.factor for unit in units]
     content = [
         series("line", f"joint{dof + 1}", time, error[:, dof], unit.symbol) for dof, unit in enumerate(units)
     ]
     shown = shared_unit(units) or ", ".join(dict.fromkeys(unit.unit for unit in units))
-    panels.append(panel(f"{column.title}: simulated less {against}", shown, content, window=window))
+    title = f"{column.title}: simulated less {against}"
+    panels.append(panel(title, "error", shown, content, window=window))
     return panels
 
 
@@ -191,7 +196,7 @@ def frames_figure(evidence: Mapping[str, Evidence]) -> Figure:
             if points:
                 x, y = np.array(points).T
                 content.append(series("marks", method, x, y, TITLES[method]))
-        panels.append(panel(title, "deg", content, log=True, across="fitted frames"))
+        panels.append(panel(title, "rms error", "deg", content, log=True, across="fitted frames"))
     design = next(iter(evidence.values())).design
     first = design.longest
     return Figure(
@@ -222,7 +227,8 @@ def periods_figure(repetitions: Sequence[Repetition]) -> Figure:
         if points:
             x, y = np.array(points).T
             content.append(series("marks", pendulum_colour(number), x, y, repetition.name))
-    panels = [panel("prediction error", "deg", content, log=True, across="periods in the fitted frames")]
+    across = "periods in the fitted frames"
+    panels = [panel("prediction error", "rms error", "deg", content, log=True, across=across)]
     return Figure(
         "Periods of Case II",
         "Published form, each pendulum: error of the prediction over the frames after the fitted ones, by "
@@ -267,6 +273,6 @@ def poses_figure(evidence: Mapping[str, Evidence]) -> Figure:
             series("line", f"joint{i + 1}", found.poses.time, unit.factor * found.errors[:, i], unit.symbol)
             for i, unit in enumerate(units)
         ]
-        panels.append(panel(f"{TITLES[method]}: estimated less true", shown, content))
+        panels.append(panel(f"{TITLES[method]}: estimated less true", "error", shown, content))
     caption = "Estimated less true joint positions in every frame."
     return Figure("Errors of the poses", caption, max(len(panels), 1), panels, joint_legend(units))

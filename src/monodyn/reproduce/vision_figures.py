@@ -53,11 +53,11 @@ def history_figure(forms: Sequence[FrameworkFound]) -> Figure | None:
             kept = np.array([form.mismatch, form.mismatch])
             contents[0].append(series("line", KEPT, np.array([0, done]), kept, "kept"))
         if form.history:
-            for title, unit, content in (
-                (f"{form.name}: (3) and (4), area of |I_a − I_m|", "px²", contents[0]),
-                (f"{form.name}: (1) in px⁴, (2) in px²", "", contents[1]),
+            for title, quantity, unit, content in (
+                (f"{form.name}: (3) and (4), area of |I_a − I_m|", "area", "px²", contents[0]),
+                (f"{form.name}: (1) in px⁴, (2) in px²", "objective", "px⁴, px²", contents[1]),
             ):
-                panels.append(panel(title, unit, content, log=True, across=across))
+                panels.append(panel(title, quantity, unit, content, log=True, across=across))
     if not panels:
         return None
     return Figure(
@@ -119,7 +119,8 @@ def states_figure(evidence: Evidence, truth: Truth | None) -> Figure:
                 measured = unit.factor * seen.poses.position[:stop, dof]
                 content.append(series("dots", "observed", time, measured, "estimated"))
             title = f"rate of {unit.symbol}" if rate else unit.symbol
-            panels.append(panel(title, f"{unit.unit}/s" if rate else unit.unit, content))
+            shown = f"{unit.unit}/s" if rate else unit.unit
+            panels.append(panel(title, title, shown, content))
     alpha, beta, gamma = design.gains
     return Figure(
         "Figure 3: filtered states",
@@ -163,6 +164,6 @@ def starts_figure(repetitions: Sequence[Repetition]) -> Figure | None:
         f"they start: "
         "the largest turn of any hinge, in random directions. Camera and sizes are those that were found.",
         1,
-        [panel("searches that end in the pose", "%", content, across="distance of the start [deg]")],
+        [panel("searches that end in the pose", "share", "%", content, across="distance of the start [deg]")],
         pendulum_legend(repetitions),
     )

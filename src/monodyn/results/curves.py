@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from monodyn.estimation.fit import Fit
-    from monodyn.mechanism import Mechanism
+    from monodyn.mechanism import Joint, Mechanism
     from monodyn.results.closed import ClosedLoop
     from monodyn.results.fill import States
     from monodyn.vision.clip.steady import CameraPath
@@ -49,6 +49,7 @@ def motion_curves(
         plots.append(
             {
                 "title": f"{trace.name}: {joint.name}" if several else joint.name,
+                "quantity": _quantity(joint),
                 "unit": unit,
                 "time": _list(poses.time),
                 "observed": _list(observed),
@@ -73,7 +74,7 @@ def state_curves(mechanism: Mechanism, states: States) -> list[dict[str, Any]]:
     for dof, joint in enumerate(mechanism.joints):
         scale, unit = shown_in(joint)
         band = _band(states.time, states.position[:, dof] * scale, states.std[:, dof] * scale, *_NO_ERROR)
-        plots.append(_alone(joint.name, unit, predicted=band))
+        plots.append(_alone(joint.name, _quantity(joint), unit, predicted=band))
     return plots
 
 
@@ -98,11 +99,11 @@ def loop_curves(
             # as many dots as are apart from one another
             rows = slice(None, None, max(1, len(plan[0]) // DOTS))
             way = {"time": _list(plan[0][rows]), "observed": _list(plan[1][rows, dof] * scale)}
-        plots.append(_alone(joint.name, unit, fitted=curve) | way)
-    kinds = {joint.name: "N m" if joint.kind == "hinge" else "N" for joint in mechanism.joints}
+        plots.append(_alone(joint.name, _quantity(joint), unit, fitted=curve) | way)
+    kinds = {joint.name: _effort(joint) for joint in mechanism.joints}
     for motor, name in enumerate(motors):
         curve = _band(loop.time, loop.torque[:, motor], 0.0 * loop.time, *_NO_ERROR)
-        plots.append(_alone(f"torque at {name}", kinds[name], fitted=curve))
+        plots.append(_alone(f"torque at {name}", *kinds[name], fitted=curve))
     return plots
 
 
@@ -125,9 +126,7 @@ def torque_curves(fit: Fit, trace: Trace, *, several: bool) -> list[dict[str, An
     for dof, joint in enumerate(fit.mechanism.joints):
         title = f"{trace.name}: torque at {joint.name}" if several else f"torque at {joint.name}"
         curve = _band(found.time[rows], found.torque[rows, dof], found.std[rows, dof], *_NO_ERROR)
-        plots.append(
-            {**_alone(title, "N m" if joint.kind == "hinge" else "N", fitted=curve), "window": window}
-        )
+        plots.append({**_alone(title, *_effort(joint), fitted=curve), "window": window})
     return plots
 
 
@@ -145,22 +144,32 @@ def camera_curves(times: np.ndarray, path: CameraPath | None) -> list[dict[str, 
         return []
     reach, window = 0.5 * math.hypot(*path.size), [float(times[0]), float(times[-1])]
     shown = [
-        ("still scene, to the right", "px", path.shift[:, 0], path.std),
-        ("still scene, down", "px", path.shift[:, 1], path.std),
-        ("turn of the still scene", "deg", np.degrees(path.turn), np.degrees(path.std / reach)),
-        ("zoom", "%", 100.0 * path.zoom, 100.0 * path.std / reach),
+        ("still scene, to the right", "displacement", "px", path.shift[:, 0], path.std),
+        ("still scene, down", "displacement", "px", path.shift[:, 1], path.std),
+        ("turn of the still scene", "turn", "deg", np.degrees(path.turn), np.degrees(path.std / reach)),
+        ("zoom", "zoom", "%", 100.0 * path.zoom, 100.0 * path.std / reach),
     ]
     plots = []
-    for title, unit, values, std in shown:
+    for title, quantity, unit, values, std in shown:
         curve = _band(times, values, np.where(path.registered, std, np.nan), *_NO_ERROR)
-        plots.append({**_alone(title, unit, fitted=curve), "window": window})
+        plots.append({**_alone(title, quantity, unit, fitted=curve), "window": window})
     return plots
 
 
-def _alone(title: str, unit: str, **curves: dict[str, Any]) -> dict[str, Any]:
+def _alone(title: str, quantity: str, unit: str, **curves: dict[str, Any]) -> dict[str, Any]:
     """Return the data of a figure without observations and errors: a ``fitted`` curve, or a ``predicted``."""
     bare = {"time": [], "observed": [], "window": None, "fitted": None, "predicted": None, "alone": True}
-    return {"title": title, "unit": unit, **bare, **curves}
+    return {"title": title, "quantity": quantity, "unit": unit, **bare, **curves}
+
+
+def _quantity(joint: Joint) -> str:
+    """Return what the position of a joint is, for its axis."""
+    return "angle" if joint.kind == "hinge" else "position"
+
+
+def _effort(joint: Joint) -> tuple[str, str]:
+    """Return what acts along a joint, and its unit."""
+    return ("torque", "N m") if joint.kind == "hinge" else ("force", "N")
 
 
 def _predicted(

@@ -142,10 +142,12 @@ def template(package: str, name: str) -> Template:
         package: Where the template is.
         name: Its file name.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
+    # what all pages have in common stands next to this module
+    folders = dict.fromkeys((package, "monodyn.results"))
     environment = Environment(
-        loader=PackageLoader(package, "."),
+        loader=ChoiceLoader([PackageLoader(folder, ".") for folder in folders]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

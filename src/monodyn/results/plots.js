@@ -1,6 +1,3 @@
-const dark = window.matchMedia("(prefers-color-scheme: dark)");
-const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-const faint = (hex, share) => hex + Math.round(share * 255).toString(16).padStart(2, "0");
 function traces(p) {
   const line = (x, y, c, axis) => ({x, y, mode: "lines", line: {color: c, width: 1.8}, yaxis: axis,
     hovertemplate: "%{y:.4g} " + p.unit + " at %{x:.3f} s<extra></extra>", connectgaps: false});
@@ -18,28 +15,19 @@ function traces(p) {
     error_y: {array: p.filled.half, color: colour("--filled"), thickness: 1, width: 0}});
   return found;
 }
-function layout(p) {
-  const ink = colour("--ink"), grid = colour("--line");
+function layout(p, width, height) {
+  const grid = colour("--line");
   const axis = (title) => ({title: {text: title, font: {size: 12}}, gridcolor: grid, zerolinecolor: grid, automargin: true});
-  const error = {yaxis2: {...axis("error [" + p.unit + "]"), domain: [0, 0.27]}};
+  const error = {yaxis2: {...axis(titled("error", p.unit)), domain: [0, 0.27]}};
   return {
-    title: {text: p.title, font: {size: 14}, x: 0.01, xanchor: "left", y: 0.98},
-    autosize: true, margin: {l: 56, r: 12, t: 34, b: 64}, showlegend: false, hovermode: "closest",
-    paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: {color: ink, size: 12}, dragmode: "zoom",
-    modebar: {bgcolor: "rgba(0,0,0,0)", color: colour("--soft"), activecolor: ink},
+    ...look(width, height), title: {text: p.title, font: {size: 14}, x: 0.01, xanchor: "left", y: 0.98},
+    margin: {l: 56, r: 12, t: 34, b: 64}, dragmode: "zoom",
     xaxis: {...axis("time [s]"), anchor: p.alone ? "y" : "y2"},
-    yaxis: {...axis("[" + p.unit + "]"), domain: [p.alone ? 0 : 0.34, 1]},
+    yaxis: {...axis(titled(p.quantity, p.unit)), domain: [p.alone ? 0 : 0.34, 1]},
     ...(p.alone ? {} : error),
     shapes: p.window ? [{type: "rect", xref: "x", yref: "paper", x0: p.window[0], x1: p.window[1], y0: 0, y1: 1,
       fillcolor: faint(colour("--fitted"), 0.06), line: {width: 0}, layer: "below"}] : [],
   };
 }
-function show() {
-  PLOTS.forEach((p, i) => Plotly.react("plot" + i, traces(p), layout(p),
-    {responsive: true, displaylogo: false, displayModeBar: window.innerWidth > 640 ? "hover" : false,
-     modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"]}));
-}
-show();
-dark.addEventListener("change", show);
-new ResizeObserver(() => document.querySelectorAll(".plot").forEach((e) => Plotly.Plots.resize(e)))
-  .observe(document.querySelector("main"));
+keepDrawn((number, place, width) =>
+  plot(place, traces(PLOTS[number]), layout(PLOTS[number], width, place.clientHeight)));
