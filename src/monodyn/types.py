@@ -14,6 +14,7 @@ import numpy as np
 
 from monodyn.arrays import frozen, increasing
 from monodyn.errors import VideoError
+from monodyn.typed import check_fields
 
 FULL = 160
 """Coverage of a pixel that the mechanism covers whole. The values above it keep a part that stands out more
@@ -108,6 +109,7 @@ class TorqueLog:
     torque: np.ndarray
 
     def __post_init__(self) -> None:
+        check_fields(self, "TorqueLog")
         set_ = object.__setattr__
         set_(self, "time", frozen("TorqueLog.time", self.time, (None,), error=VideoError))
         shape = (len(self.time), len(self.joints))
@@ -160,6 +162,7 @@ class Poses:
     cleared: bool = field(default=False)
 
     def __post_init__(self) -> None:
+        check_fields(self, "Poses")
         frames, dofs = len(self.time), len(self.joints)
         set_ = object.__setattr__
         set_(self, "frame", frozen("Poses.frame", self.frame, (frames,), dtype=np.int64, error=VideoError))

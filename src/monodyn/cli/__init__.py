@@ -82,7 +82,9 @@ def _main(words: list[str]) -> int:
             _fail(str(error))
             return 1 if isinstance(error, FitError) else 2
         if isinstance(error, OSError):
-            _fail(_unusable(error))
+            from monodyn.typed import unusable
+
+            _fail(unusable(error))
             return 2
         raise
 
@@ -91,14 +93,6 @@ def _interrupted(said: str = "nothing was written.") -> int:
     """Say that Ctrl-C was pressed, and what there is."""
     _fail(f"interrupted; {said}")
     return 130
-
-
-def _unusable(error: OSError) -> str:
-    """Say which place the system could not use."""
-    # a name that is too long is what the error is about: its ends are enough to find it
-    name = str(error.filename or "a file")
-    name = name if len(name) < 200 else f"{name[:80]}...{name[-40:]}"
-    return f"'{name}': expected a place the system can use, got '{error.strerror or error}'; give another."
 
 
 def _dispatch(words: list[str]) -> int:
@@ -117,6 +111,9 @@ def _dispatch(words: list[str]) -> int:
     note = keep_compiled()
     if note and "--quiet" not in words:
         _fail(note)
+    from monodyn.cores import give_back_large
+
+    give_back_large()
     from monodyn.cli.options import COMMANDS
     from monodyn.cli.parse import parsed
     from monodyn.names import known

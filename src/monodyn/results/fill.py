@@ -14,6 +14,10 @@ from monodyn.mechanism.drive import Drive
 ERROR_BOUND = 1e-6
 """Largest integration error that is aimed at [rad or m]."""
 MOST_FILL_SUBSTEPS = 64
+MOST_ROWS = 1_000_000
+"""Rows of a prediction at most: a typing error in a time must not fill the disk."""
+ALONE = 0.05
+"""Spacing of what goes on from a single time stamp [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +62,22 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
         The motion at ``times``.
 
     Raises:
-        SettingsError: The times do not increase, there is no such record, or nothing was identified.
+        SettingsError: The times do not increase or are too far from the record, there is no such record, or
+            nothing was identified.
     """
-    times = increasing("fill: times", np.asarray(times, dtype=float), error=SettingsError)
+    times = frozen("fill: times", times, (None,), error=SettingsError)
+    times = increasing("fill: times", times, error=SettingsError)
     if not fit.starts:
         raise SettingsError(f"fill: expected an identified mechanism, got a fit without one: {fit.status}")
     if not 0 <= record < len(fit.starts):
         raise SettingsError(f"fill: expected a record from 0 to {len(fit.starts) - 1}, got {record}.")
-    start = fit.starts[record]
+    start, stamps = fit.starts[record], fit.time[record]
+    farthest = MOST_ROWS * spacing(stamps)
+    if len(times) and max(start.time - times[0], times[-1] - start.time) > farthest:
+        raise SettingsError(
+            f"fill: expected times within {farthest:.3g} s of {start.time:g} s, got {times[0]:.6g} to "
+            f"{times[-1]:.6g} s; give times nearer to those of the record."
+        )
     # the start lies within the times: one rollout runs forwards from it, one backwards
     before = np.flatnonzero(times < start.time)[::-1]
     after = np.flatnonzero(times >= start.time)
@@ -75,6 +87,15 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
         if len(rows):
             motion[rows], std[rows] = _one_way(fit, start, record, times[rows])
     return States(times, motion[:, :dofs], motion[:, dofs:], std[:, :dofs], std[:, dofs:])
+
+
+def spacing(stamps: np.ndarray) -> float:
+    """Return the usual time between two frames of a record [s].
+
+    Args:
+        stamps: Its time stamps [s], (frame,).
+    """
+    return float(np.median(np.diff(stamps))) if len(stamps) > 1 else ALONE
 
 
 @dataclass(frozen=True, eq=False)

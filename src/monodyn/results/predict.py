@@ -8,12 +8,7 @@ import numpy as np
 
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
-from monodyn.results.fill import States, fill
-
-MOST_ROWS = 1_000_000
-"""Rows of a prediction at most: a typing error in a time must not fill the disk."""
-ALONE = 0.05
-"""Spacing of what goes on from a single time stamp [s]."""
+from monodyn.results.fill import MOST_ROWS, States, fill, spacing
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,15 +56,6 @@ def predict(
         times = times[times <= until]
     found = fill(fit, times, record=record)
     return Prediction(found.time, found.position, found.velocity, found.std, found.velocity_std)
-
-
-def spacing(stamps: np.ndarray) -> float:
-    """Return the usual time between two frames of a record [s].
-
-    Args:
-        stamps: Its time stamps [s], (frame,).
-    """
-    return float(np.median(np.diff(stamps))) if len(stamps) > 1 else ALONE
 
 
 def evenly(begin: float, end: float, step: float) -> np.ndarray:

@@ -8,16 +8,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monodyn.arrays import increasing
+from monodyn.choices import check_endless
 from monodyn.errors import VideoError
+from monodyn.mechanism import Mechanism
 from monodyn.types import Poses
-
-if TYPE_CHECKING:
-    from monodyn.mechanism import Mechanism
 
 SEEN_WORDS = {"1": True, "true": True, "0": False, "false": False}
 """What a cell of the column ``seen`` may hold; some tools write words."""
@@ -137,8 +135,9 @@ def table_rows(path: Path, what: str = "joint positions") -> tuple[list[str], li
         The header, and the rows with their line numbers.
 
     Raises:
-        VideoError: The file cannot be read, or is no such table.
+        VideoError: The file cannot be read, or is no such table, or has no end.
     """
+    check_endless(path, VideoError)
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:

@@ -111,4 +111,5 @@ def covered_pixels(
         points = np.round(polygon * 16.0).astype(np.int32)
         cv2.fillPoly(picture, [points], 1, cv2.LINE_8, 4)
         cv2.polylines(picture, [points], True, 1, max(1, round(2.0 * margin)), cv2.LINE_8, 4)
-    return picture > 0
+    # what is not covered was never written to, and takes no memory: no copy is made of it
+    return picture.view(np.bool_)
