@@ -26,6 +26,7 @@ from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video
 from monodyn.vision.clock import at_true_times, with_time_noise
 from monodyn.vision.drawing.camera import CAMERA_STD, PARAMETERS, check_value, value_of
+from monodyn.vision.drawing.outline import check_told_apart
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.foreground.soft import soft_masks
 from monodyn.vision.locating.locate import Sought, find_scene
@@ -222,6 +223,7 @@ def locate(
         The scene.
 
     Raises:
+        MechanismError: joints that no picture tells apart.
         SettingsError: a name in ``fix`` or ``free`` is not a camera parameter, or cannot be estimated; or the
             published method is chosen for points.
     """
@@ -244,6 +246,7 @@ def locate(
         focal, mapped = settings.focal, mapped or {}
         scene = locate_points(SoughtPoints(masks, mechanism, focal, fix, shown, mapped, report))
     else:
+        check_told_apart(mechanism)
         find = find_scene if once else LOCATE_METHODS[methods]
         scene = find(Sought(masks, mechanism, settings, fix, free, report))
     if not by_motion:

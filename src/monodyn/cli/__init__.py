@@ -3,7 +3,8 @@
 
 ``options`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
 command into them. The stages themselves check the values; here their errors become one line on the error
-stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 130 interrupted.
+stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 70 an error that nobody
+foresaw, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 HELP = """usage: monodyn COMMAND ...
@@ -40,8 +42,11 @@ examples:
   monodyn control run --at joint1=1.5708 --actuated slide --out balance
 
 monodyn COMMAND --help lists the options of a command. Exit codes: 0 done; 1 the fit is not to be trusted;
-2 bad input or usage; 130 interrupted.
+2 bad input or usage; 70 an error of Monodyn itself; 130 interrupted.
 """
+
+UNFORESEEN = 70
+"""Exit code of an error that nobody foresaw: an internal software error, by the custom of sysexits.h."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -86,13 +91,28 @@ def _main(words: list[str]) -> int:
 
             _fail(unusable(error))
             return 2
-        raise
+        return _unforeseen(error, words)
 
 
 def _interrupted(said: str = "nothing was written.") -> int:
     """Say that Ctrl-C was pressed, and what there is."""
     _fail(f"interrupted; {said}")
     return 130
+
+
+def _unforeseen(error: Exception, words: Sequence[str]) -> int:
+    """Say that Monodyn itself failed, and where the traceback is: in the folder of the run, if it has one."""
+    from monodyn.cli.streams import kept_traceback
+
+    named = [after for word, after in pairwise(words) if word == "--out"]
+    named += [word.removeprefix("--out=") for word in words if word.startswith("--out=")]
+    place = kept_traceback(error, words, named[-1] if named else None)
+    what = f"{type(error).__name__}: {' '.join(str(error).split())}"
+    _fail(
+        f"an error of Monodyn itself ({what[:100]}); please report it to its makers with '{place}', "
+        "which has the details."
+    )
+    return UNFORESEEN
 
 
 def _dispatch(words: list[str]) -> int:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
-from collections.abc import Sequence
+import shutil
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
@@ -15,6 +17,9 @@ from tyro import conf
 from monodyn.cli.options import COMMANDS, options_class
 from monodyn.errors import SettingsError
 from monodyn.names import near
+
+LEAST_COLUMNS = 40
+"""Columns for which help is laid out at least."""
 
 
 def parsed(command: str, words: Sequence[str]) -> Any:
@@ -37,7 +42,7 @@ def parsed(command: str, words: Sequence[str]) -> Any:
     about = f"{(options.__doc__ or '').splitlines()[0]}\n\nExample: {COMMANDS[command].example}"
     complaint = io.StringIO()
     try:
-        with contextlib.redirect_stderr(complaint):
+        with contextlib.redirect_stderr(complaint), _wide_enough():
             # a flag has one form, --force or --track.no-adaptive, not a pair
             return tyro.cli(
                 options,
@@ -50,6 +55,20 @@ def parsed(command: str, words: Sequence[str]) -> Any:
         if not stop.code:
             return 0
         raise SettingsError(_one_line(complaint.getvalue(), command, list(words))) from None
+
+
+@contextlib.contextmanager
+def _wide_enough() -> Iterator[None]:
+    """Have help be laid out for a few words a line at least: in a column or two tyro takes minutes."""
+    given, width = os.environ.get("COLUMNS"), shutil.get_terminal_size().columns
+    if width < LEAST_COLUMNS:
+        os.environ["COLUMNS"] = str(LEAST_COLUMNS)
+    try:
+        yield
+    finally:
+        if width < LEAST_COLUMNS:
+            os.environ.pop("COLUMNS")
+            os.environ.update({} if given is None else {"COLUMNS": given})
 
 
 def _refuse_empty(command: str, options: type[Any], words: Sequence[str]) -> None:

@@ -34,6 +34,7 @@ FILES = (
     "overlay.mp4",
     "diagnosis.png",
     "report.html",
+    "error.log",
     *DRAWN,
     "run.json",
 )

@@ -19,7 +19,7 @@ LEAST_SIDE = 16
 MOST_SIDE = 65_535
 """Most side of a picture [px]; no format has more."""
 FOCALS = (10.0, 1e6)
-"""Least and most focal length [px]: that of a fisheye lens before the smallest picture, and no perspective."""
+"""Least and most focal length [px]: of a very wide view of the smallest picture, and of no perspective."""
 Colour = Literal["auto", "grey", "colour"]
 """Whether the foreground is found by grey level alone or by colour."""
 Axis = Literal["auto", "down", "up"]
@@ -134,8 +134,8 @@ class LocateSettings:
             raise SettingsError(f"locate.seed: expected 0 or more, got {self.seed}; give a whole number.")
         if self.focal != 0.0 and not FOCALS[0] <= self.focal <= FOCALS[1]:
             raise SettingsError(
-                f"locate.focal: expected {FOCALS[0]:g} to {FOCALS[1]:g} px, or 0, got {self.focal:g}; give it in "
-                "pixels of the clip, or leave it out."
+                f"locate.focal: expected {FOCALS[0]:g} to {FOCALS[1]:g} px, or 0, got {self.focal:g}; give "
+                "it in pixels of the clip, or leave it out."
             )
         for name in ("search_frames", "refine_frames"):
             if not 2 <= getattr(self, name) <= 1000:

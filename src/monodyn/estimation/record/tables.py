@@ -17,6 +17,8 @@ from monodyn.errors import VideoError
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses
 
+MOST_ROWS = 200_000
+"""Most rows of a table of joint positions: a fit of them takes two minutes or so, and they tell enough."""
 SEEN_WORDS = {"1": True, "true": True, "0": False, "false": False}
 """What a cell of the column ``seen`` may hold; some tools write words."""
 
@@ -45,6 +47,11 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     path = Path(path)
     names = tuple(joints if isinstance(joints, Sequence) else (joint.name for joint in joints.joints))
     header, rows = table_rows(path)
+    if len(rows) > MOST_ROWS:
+        raise VideoError(
+            f"{path.name}: expected at most {MOST_ROWS} rows, got {len(rows)}; keep one of every "
+            f"{-(-len(rows) // MOST_ROWS)}, a motion needs some ten rows a swing."
+        )
     columns = _columns(path, header, names)
     # numbers first, then what they may be: a message names the first thing that is wrong in a line
     table = np.array([row_numbers(path, header, row, line) for line, row in rows])

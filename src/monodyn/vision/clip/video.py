@@ -29,7 +29,7 @@ AHEAD = 4
 LARGE_PIXELS = 2_100_000
 """Pixels from which on the memory of a picture matters."""
 LONGEST_SIDE = 16_384
-"""Most pixels along a side of a picture: those who draw and warp pictures count no further than twice that."""
+"""Most pixels along a side of a picture: what draws and warps pictures counts to twice that."""
 MOST_PIXELS = 20_000_000
 """Most pixels of a picture: what a whole run holds of them is some 200 bytes each."""
 Decode = Callable[[int, int], Iterator[Frame]]

@@ -254,8 +254,8 @@ def check_value(name: str, value: float) -> None:
         abs(value) > FARTHEST or (name == "camera.depth" and value < 1.0 / FARTHEST)
     ):
         raise SettingsError(
-            f"parameter '{name}': expected a place within {FARTHEST:g} {unit} of the mechanism, got {value:g}; "
-            "correct it."
+            f"parameter '{name}': expected a place within {FARTHEST:g} {unit} of the mechanism, got "
+            f"{value:g}; correct it."
         )
     if name in ("camera.pitch", "camera.yaw") and abs(value) >= math.pi / 2:
         raise SettingsError(
