@@ -25,7 +25,7 @@ from monodyn.settings import published_method
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video
 from monodyn.vision.clock import at_true_times, with_time_noise
-from monodyn.vision.drawing.camera import CAMERA_STD, PARAMETERS, check_value, value_of
+from monodyn.vision.drawing.camera import CAMERA_STD, PARAMETERS, check_value, check_view, value_of
 from monodyn.vision.drawing.outline import check_told_apart
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.foreground.soft import soft_masks
@@ -236,6 +236,9 @@ def locate(
     report = progress or (lambda step, done, total: None)
     # no picture shows the roll of a camera before a mechanism on one hinge: the motion has to
     by_motion = bool(by_roll(mechanism).any())
+    if focal := fix.get("camera.focal", settings.focal):
+        pictures = masks if isinstance(masks, PointTracks) else masks.video
+        check_view(focal, pictures.width, pictures.height)
     if isinstance(masks, PointTracks):
         if "paper" in methods:
             raise SettingsError(
@@ -243,8 +246,8 @@ def locate(
                 "for camera and location."
             )
         shown = [name for name in free if not (name == ROLL and by_motion)]
-        focal, mapped = settings.focal, mapped or {}
-        scene = locate_points(SoughtPoints(masks, mechanism, focal, fix, shown, mapped, report))
+        sought = SoughtPoints(masks, mechanism, settings.focal, fix, shown, mapped or {}, report)
+        scene = locate_points(sought)
     else:
         check_told_apart(mechanism)
         find = find_scene if once else LOCATE_METHODS[methods]

@@ -49,7 +49,7 @@ def checked(function: Function) -> Function:
 
 
 def unusable(error: OSError) -> str:
-    """Say which place the system could not use.
+    """Return a sentence on the place that the system could not use.
 
     Args:
         error: What the system said.

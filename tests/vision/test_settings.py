@@ -51,7 +51,8 @@ def test_locate_settings() -> None:
         LocateSettings(seed=-1)
     with refuses(
         SettingsError,
-        "locate.focal: expected 10 to 1e+06 px, or 0, got -5; give it in pixels of the clip, or leave it out.",
+        "locate.focal: expected 10 to 1e+06 px, or 0, got -5; give it in pixels of the clip, or leave "
+        "it out.",
     ):
         LocateSettings(focal=-5.0)
     with refuses(SettingsError, "locate.search_frames: expected 2 to 1000 key frames, got 1."):

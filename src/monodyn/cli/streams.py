@@ -179,7 +179,7 @@ def _silence(stream: Any) -> None:
 
 
 def kept_traceback(error: Exception, words: Sequence[str], out: str | None) -> Path:
-    """Write the traceback of an error, with what was run, and return the file.
+    """Return the file into which the traceback of an error was written, with what was run.
 
     Args:
         error: The error.

@@ -48,6 +48,8 @@ CAMERA_STD = {
 """Standard deviations of what is assumed of a camera of which nothing is known: turns about zero [rad], and
 the logarithm of the focal length about its start."""
 
+LEAST_VIEW = 0.1
+"""Least focal length over the picture's longer side: a view of 157 deg, as of no lens that bends nothing."""
 FARTHEST = 1e6
 """Farthest that a camera may be from a mechanism, and one over the nearest [m]."""
 GRAZING = 0.1
@@ -261,4 +263,23 @@ def check_value(name: str, value: float) -> None:
         raise SettingsError(
             f"parameter '{name}': expected less than a quarter turn, got {value:g} rad; "
             "the camera looks at the plane, give the angle in radians."
+        )
+
+
+def check_view(focal: float, width: int, height: int) -> None:
+    """Refuse a focal length with which the picture would show nearly all that is before the camera.
+
+    Args:
+        focal: The focal length [px].
+        width: Width of the picture [px].
+        height: Its height [px].
+
+    Raises:
+        SettingsError: it is less than ``LEAST_VIEW`` of the picture's longer side.
+    """
+    least = LEAST_VIEW * max(width, height)
+    if focal < least:
+        raise SettingsError(
+            f"camera.focal: expected at least {least:g} px in pictures of {width}x{height} px, got "
+            f"{focal:g}; give it in pixels of the clip."
         )
