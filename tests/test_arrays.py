@@ -40,3 +40,10 @@ def test_plain_is_a_view_where_it_can_be() -> None:
     turned = plain(given.T)
     assert turned.flags.c_contiguous
     assert plain([1, 2], np.float64).dtype == np.float64
+
+
+def test_what_is_no_number_is_refused() -> None:
+    with refuses(MonodynError, "x: expected an array of numbers, got a value of type list; give another."):
+        frozen("x", ["a", 1.0], (None,))
+    with refuses(MonodynError, "x: expected an array of numbers, got a value of type dict; give another."):
+        frozen("x", {}, (None,))

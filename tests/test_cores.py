@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -33,3 +35,37 @@ def test_work_within_work_waits_for_no_thread() -> None:
     """All threads are taken by what waits for more of them."""
     found = on_all_cores(lambda k: on_all_cores(lambda number: k * number, range(20)), range(40))
     assert found == [[k * number for number in range(20)] for k in range(40)]
+
+
+def test_no_more_work_at_a_time_than_is_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cores, "_cores", lambda: 4)
+    lock, going, most = threading.Lock(), [0], [0]
+
+    def work(number: int) -> int:
+        with lock:
+            going[0] += 1
+            most[0] = max(most[0], going[0])
+        threading.Event().wait(0.01)
+        with lock:
+            going[0] -= 1
+        return number
+
+    assert on_all_cores(work, range(9), most=2) == list(range(9))
+    assert most[0] <= 2
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the allocator of Linux")
+def test_a_large_array_that_is_let_go_leaves_the_process() -> None:
+    code = (
+        "import ctypes, numpy as np\n"
+        "from monodyn.cores import LARGE, give_back_large\n"
+        "def held(): return int(open('/proc/self/statm').read().split()[1]) * 4096\n"
+        "give_back_large()\n"
+        # without it the first array of a size is enough for the next ones to stay among what is small
+        "np.ones(4 * LARGE, np.uint8)\n"
+        "many = [np.ones(2 * LARGE, np.uint8) for _ in range(10)]\n"
+        "before, last = held(), many.pop()\n"
+        "many.clear()\n"
+        "assert before - held() > 8 * 2 * LARGE\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

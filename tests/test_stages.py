@@ -35,6 +35,13 @@ CAMERA = "'camera.x', 'camera.y', 'camera.depth', 'camera.roll', 'camera.pitch',
          "parameter 'camera.focal': expected a finite number, got nan; give it in px."),
         ("fast", {"camera.depth": 0.0}, [],
          "parameter 'camera.depth': expected a value above 0 m, got 0; correct it."),
+        ("fast", {"camera.focal": 1e-300}, [],
+         "parameter 'camera.focal': expected 10 to 1e+06 px, got 1e-300; correct it."),
+        ("fast", {"camera.x": 1e300}, [],
+         "parameter 'camera.x': expected a place within 1e+06 m of the mechanism, got 1e+300; correct it."),
+        ("fast", {"camera.depth": 1e-300}, [],
+         "parameter 'camera.depth': expected a place within 1e+06 m of the mechanism, got 1e-300; "
+         "correct it."),
         ("fast", {"camera.yaw": -2.0}, [],
          "parameter 'camera.yaw': expected less than a quarter turn, got -2 rad; the camera looks at the "
          "plane, give the angle in radians."),

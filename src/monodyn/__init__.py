@@ -129,8 +129,13 @@ def __getattr__(name: str) -> object:
     for home, names in _HOMES.items():
         if name in names:
             from importlib import import_module
+            from inspect import isfunction
 
             value = getattr(import_module(f"monodyn.{home}"), name)
+            if isfunction(value):
+                from monodyn.typed import checked
+
+                value = checked(value)
             globals()[name] = value
             return value
     raise AttributeError(f"module 'monodyn' has no attribute '{name}'; public names: {', '.join(__all__)}.")

@@ -28,9 +28,13 @@ def frozen(
         A read-only, C-contiguous copy, (...,) with the axes of ``shape``.
 
     Raises:
-        MonodynError: (or ``error``) the number of axes or a length differs.
+        MonodynError: (or ``error``) the values are no numbers, or the number of axes or a length differs.
     """
-    array = np.array(values, dtype=dtype, order="C")
+    try:
+        array = np.array(values, dtype=dtype, order="C")
+    except (TypeError, ValueError, OverflowError):
+        got = f"a value of type {type(values).__name__}"
+        raise error(f"{where}: expected an array of numbers, got {got}; give another.") from None
     # most arrays are right at first sight; a generator for each would cost more than its copy
     if array.shape != shape and (
         array.ndim != len(shape)

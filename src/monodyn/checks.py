@@ -26,6 +26,7 @@ from monodyn.settings import RunSettings
 from monodyn.stages import check_camera
 from monodyn.types import Poses
 from monodyn.vision.clip.video import Video, read
+from monodyn.vision.drawing.outline import check_told_apart
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.release import FreeSpan
 
@@ -70,7 +71,7 @@ def drawn_mechanism(model: str | Path, settings: RunSettings) -> Mechanism:
         settings: The user's choices.
 
     Raises:
-        MechanismError: no body of the mechanism can be seen.
+        MechanismError: no body of the mechanism can be seen, or joints that no picture tells apart.
         SettingsError: it is followed by its dots, whose pictures are taken as of one instant.
     """
     mechanism = chosen_mechanism(model, settings)
@@ -86,6 +87,8 @@ def drawn_mechanism(model: str | Path, settings: RunSettings) -> Mechanism:
                 "camera.exposure, camera.readout: expected a mechanism that shows its outline, got "
                 f"'{mechanism.name}', which is followed by its dots; leave them out."
             )
+    else:
+        check_told_apart(mechanism)
     return mechanism
 
 

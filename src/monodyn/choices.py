@@ -6,9 +6,10 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Literal, get_args
 
-from monodyn.errors import SettingsError
+from monodyn.errors import MonodynError, SettingsError
 from monodyn.names import meant, near, quoted
 
 Method = Literal["fast", "paper"]
@@ -59,6 +60,20 @@ def check_whole(name: str, value: object) -> None:
     """
     if not isinstance(value, Integral) or value < 0:
         raise SettingsError(f"{name}: expected 0 or more, got {value}; give a whole number.")
+
+
+def check_endless(path: Path, error: type[MonodynError]) -> None:
+    """Refuse a device, whose end nobody knows, in place of a file.
+
+    Args:
+        path: What was named; it need not exist.
+        error: Class of the exception.
+
+    Raises:
+        MonodynError: (as ``error``) it is a device.
+    """
+    if path.is_char_device() or path.is_block_device():
+        raise error(f"'{path}': expected a file, got a device; save its content to a file.")
 
 
 def check_choice(name: str, value: str | None, choices: Collection[str | None]) -> None:

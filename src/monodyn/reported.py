@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from monodyn.doubtful import unmeasured_joints
 from monodyn.errors import SettingsError
-from monodyn.estimation.fit import PAYS, Doubt
+from monodyn.estimation.fit import PAYS, Doubt, Fit
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.tree import BRAKES
 from monodyn.results.filmed import filmed_of
@@ -20,19 +19,14 @@ from monodyn.results.findings import Findings
 from monodyn.results.folder import RunFolder
 from monodyn.results.heldout import heldout_doubts
 from monodyn.results.log import RunLog, recorded
-from monodyn.results.predict import predict
+from monodyn.results.predict import Prediction, predict
 from monodyn.results.report import write_results
-from monodyn.results.trace import fitted_poses, fitted_rows, trace_of
+from monodyn.results.trace import Trace, fitted_poses, fitted_rows, trace_of
 from monodyn.settings import RunSettings
 from monodyn.types import Poses, Progress
-
-if TYPE_CHECKING:
-    from monodyn.estimation.fit import Fit
-    from monodyn.results.predict import Prediction
-    from monodyn.results.trace import Trace
-    from monodyn.vision.clip.video import Video
-    from monodyn.vision.locating.scene import Scene
-    from monodyn.vision.points.scene import PointScene
+from monodyn.vision.clip.video import Video
+from monodyn.vision.locating.scene import Scene
+from monodyn.vision.points.scene import PointScene
 
 
 def report(

@@ -18,6 +18,7 @@ from typing import Any, get_args
 from monodyn.choices import METHOD_NAMES, MOST_DRAWN, Method, Tolerance, check_choice, check_whole
 from monodyn.errors import SettingsError
 from monodyn.estimation.settings import IdentifySettings, Uncertainty, check_known
+from monodyn.typed import check_fields
 from monodyn.vision.settings import (
     LEAST_SIDE,
     MOST_SIDE,
@@ -191,6 +192,7 @@ class RunSettings:
     identify: IdentifySettings = field(default_factory=IdentifySettings)
 
     def __post_init__(self) -> None:
+        check_fields(self, "settings")
         check_whole("seed", self.seed)
         if not 0 <= self.ensemble <= MOST_DRAWN:
             raise SettingsError(

@@ -25,7 +25,8 @@ from monodyn.settings import published_method
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video
 from monodyn.vision.clock import at_true_times, with_time_noise
-from monodyn.vision.drawing.camera import CAMERA_STD, PARAMETERS, value_of
+from monodyn.vision.drawing.camera import CAMERA_STD, PARAMETERS, check_value, check_view, value_of
+from monodyn.vision.drawing.outline import check_told_apart
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.foreground.soft import soft_masks
 from monodyn.vision.locating.locate import Sought, find_scene
@@ -222,6 +223,7 @@ def locate(
         The scene.
 
     Raises:
+        MechanismError: joints that no picture tells apart.
         SettingsError: a name in ``fix`` or ``free`` is not a camera parameter, or cannot be estimated; or the
             published method is chosen for points.
     """
@@ -234,6 +236,9 @@ def locate(
     report = progress or (lambda step, done, total: None)
     # no picture shows the roll of a camera before a mechanism on one hinge: the motion has to
     by_motion = bool(by_roll(mechanism).any())
+    if focal := fix.get("camera.focal", settings.focal):
+        pictures = masks if isinstance(masks, PointTracks) else masks.video
+        check_view(focal, pictures.width, pictures.height)
     if isinstance(masks, PointTracks):
         if "paper" in methods:
             raise SettingsError(
@@ -241,9 +246,10 @@ def locate(
                 "for camera and location."
             )
         shown = [name for name in free if not (name == ROLL and by_motion)]
-        focal, mapped = settings.focal, mapped or {}
-        scene = locate_points(SoughtPoints(masks, mechanism, focal, fix, shown, mapped, report))
+        sought = SoughtPoints(masks, mechanism, settings.focal, fix, shown, mapped or {}, report)
+        scene = locate_points(sought)
     else:
+        check_told_apart(mechanism)
         find = find_scene if once else LOCATE_METHODS[methods]
         scene = find(Sought(masks, mechanism, settings, fix, free, report))
     if not by_motion:
@@ -413,7 +419,7 @@ def check_camera(mechanism: Mechanism, method: str, fix: Mapping[str, float], fr
         if name in fix and name in free:
             raise SettingsError(f"parameter '{name}': is both fixed and freed; choose one of them.")
     for name, value in fix.items():
-        _check_value(name, float(value))
+        check_value(name, float(value))
     for name in free:
         # before a mechanism on one hinge the roll is an unknown of the motion
         if method == "paper" and name not in PLACE and not (name == ROLL and by_roll(mechanism).any()):
@@ -421,19 +427,3 @@ def check_camera(mechanism: Mechanism, method: str, fix: Mapping[str, float], fr
                 f"parameter '{name}': camera.method paper estimates {', '.join(PLACE)} alone; leave it "
                 "out of --free, give the value with --fix, or use camera.method fast."
             )
-
-
-def _check_value(name: str, value: float) -> None:
-    """Refuse a value of a camera parameter that no camera in front of the plane can have."""
-    unit = PARAMETERS[name].unit
-    if not math.isfinite(value):
-        raise SettingsError(f"parameter '{name}': expected a finite number, got {value}; give it in {unit}.")
-    if name in ("camera.depth", "camera.focal") and value <= 0:
-        raise SettingsError(
-            f"parameter '{name}': expected a value above 0 {unit}, got {value:g}; correct it."
-        )
-    if name in ("camera.pitch", "camera.yaw") and abs(value) >= math.pi / 2:
-        raise SettingsError(
-            f"parameter '{name}': expected less than a quarter turn, got {value:g} rad; "
-            "the camera looks at the plane, give the angle in radians."
-        )

@@ -18,6 +18,7 @@ from monodyn.errors import VideoError
 from monodyn.extras import extra
 from monodyn.markup import brief, card, counted, stretch, table
 from monodyn.numbers import number, short
+from monodyn.typed import check_fields
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -116,6 +117,7 @@ class TorqueLog:
     torque: np.ndarray
 
     def __post_init__(self) -> None:
+        check_fields(self, "TorqueLog")
         set_ = object.__setattr__
         set_(self, "time", frozen("TorqueLog.time", self.time, (None,), error=VideoError))
         shape = (len(self.time), len(self.joints))
@@ -172,6 +174,7 @@ class Poses:
     cleared: bool = field(default=False)
 
     def __post_init__(self) -> None:
+        check_fields(self, "Poses")
         frames, dofs = len(self.time), len(self.joints)
         set_ = object.__setattr__
         set_(self, "frame", frozen("Poses.frame", self.frame, (frames,), dtype=np.int64, error=VideoError))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -128,3 +129,13 @@ def test_help_loads_nothing_heavy(words: list[str]) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "loaded []"
+
+
+@pytest.mark.parametrize("columns", ["1", "2", "12"])
+def test_help_of_a_narrow_terminal_is_there_at_once(
+    columns: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    assert parsed("models", ["--help"]) == 0
+    assert "The list as JSON." in " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert os.environ["COLUMNS"] == columns

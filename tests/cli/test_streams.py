@@ -22,7 +22,7 @@ from monodyn.cli.show import progress_on
 from monodyn.errors import SettingsError
 from monodyn.results.folder import RunFolder
 from monodyn.results.log import RunLog, recorded
-from support import refuses
+from support import command, refuses
 
 
 class Closed(io.StringIO):
@@ -299,3 +299,25 @@ def test_ctrl_c_at_any_time_of_the_first_second(delay: float) -> None:
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=60)
     assert (out.splitlines()[-1], err) in (("end 130", INTERRUPTED), ("end 0", ""))
+
+
+@pytest.mark.parametrize("out", [["--out", "{}"], ["--out={}"], []])
+def test_an_error_that_nobody_foresaw_ends_with_70_and_leaves_its_traceback(
+    out: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> int:
+        raise ZeroDivisionError("by nothing\nat all")
+
+    monkeypatch.setattr("monodyn.cli._dispatch", broken)
+    monkeypatch.setattr("tempfile.mkdtemp", lambda prefix: str(tmp_path / "elsewhere"))
+    folder = tmp_path / ("run" if out else "elsewhere")
+    done = command("run", "a.mp4", *(word.format(folder) for word in out))
+    assert done.code == 70
+    assert done.err == (
+        "monodyn: an error of Monodyn itself (ZeroDivisionError: by nothing at all); please report it to its "
+        f"makers with '{folder / 'error.log'}', which has the details.\n"
+    )
+    text = (folder / "error.log").read_text(encoding="utf-8")
+    assert "monodyn run a.mp4" in text
+    assert "Traceback (most recent call last):" in text
+    assert text.endswith("ZeroDivisionError: by nothing\nat all\n")

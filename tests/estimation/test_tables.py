@@ -218,3 +218,20 @@ def test_files_that_are_no_tables(tmp_path):
         f"({csv.field_size_limit()}).",
     ):
         read_poses(tmp_path / "long.csv", ["a"])
+
+
+def test_more_rows_than_can_be_fitted_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("monodyn.estimation.record.tables.MOST_ROWS", 5)
+    table = tmp_path / "long.csv"
+    table.write_text("time,a\n" + "".join(f"{k},0\n" for k in range(12)))
+    with refuses(
+        VideoError,
+        "long.csv: expected at most 5 rows, got 12; keep one of every 3, a motion needs some ten rows "
+        "a swing.",
+    ):
+        read_poses(table, ["a"])
+
+
+def test_a_table_without_an_end_is_refused():
+    with refuses(VideoError, "'/dev/zero': expected a file, got a device; save its content to a file."):
+        read_poses("/dev/zero", ["a"])

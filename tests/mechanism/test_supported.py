@@ -104,3 +104,9 @@ def test_an_equality_that_is_switched_off_is_refused_too(tmp_path: Path) -> None
         "m.xml: closed loops and coupled joints are not supported; remove equality and tendon.",
     ):
         read(tmp_path, mjcf(SINGLE).replace("</mujoco>", loop))
+
+
+def test_more_than_can_be_searched_is_refused(tmp_path) -> None:
+    body = '<body><joint type="hinge" axis="0 -1 0"/><geom size=".1"/></body>'
+    with refuses(MechanismError, "m.xml: expected at most 30 joints, got 31; leave out what does not move."):
+        read(tmp_path, mjcf(31 * body))

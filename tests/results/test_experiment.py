@@ -119,8 +119,11 @@ def test_where_there_is_nothing_to_advise_from_there_is_no_advice():
     assert next_motion(replace(fit, torque="free")) is None
     assert next_motion(replace(fit, covariance=np.full_like(fit.covariance, np.nan))) is None
     for wrong in ((), (2.0, 0.0)):
-        message = f"next_motion: expected lengths of records above zero, got {list(wrong)}; give seconds."
-        with refuses(SettingsError, message):
+        with refuses(
+            SettingsError,
+            f"next_motion: expected lengths of records above 0 and up to 3600 s, got {list(wrong)}; give "
+            "seconds.",
+        ):
             next_motion(fit, seconds=wrong)
 
 

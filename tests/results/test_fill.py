@@ -92,3 +92,13 @@ def test_bad_input_is_refused(fit):
     said = "fill: expected an identified mechanism, got a fit without one: Too few frames."
     with refuses(SettingsError, said):
         fill(made_fit(starts=(), status="Too few frames."), ALL)
+
+
+def test_times_far_from_the_record_are_refused():
+    fit = made_fit()
+    with refuses(
+        SettingsError,
+        "fill: expected times within 3.33e+04 s of 0 s, got 0 to 1e+300 s; give times nearer to those of the "
+        "record.",
+    ):
+        fill(fit, np.array([0.0, 1e300]))

@@ -120,7 +120,7 @@ def test_bad_input_is_refused() -> None:
         "motor need no torque.",
     ):
         lqr(fit, {"joint1": 0.5}, actuated=["joint1"])
-    said = "lqr: expected a number above 0 and up to 100000 for effort, got 0; change it."
+    said = "lqr: expected a number from 1e-05 to 100000 for effort, got 0; change it."
     with refuses(SettingsError, said):
         lqr(fit, UPRIGHT, actuated=["joint1"], allowed=Allowed(effort=0.0))
     with refuses(
@@ -153,7 +153,7 @@ def test_numbers_that_are_none_are_refused() -> None:
     for name, value in (("rate", np.nan), ("rate", 1e300), ("rate", 0.0)):
         with refuses(
             SettingsError,
-            f"lqr: expected a number above 0 and up to 100000 for {name}, got {value:g}; change it.",
+            f"lqr: expected a number from 1e-05 to 100000 for {name}, got {value:g}; change it.",
         ):
             lqr(fit, upright, actuated=motors, rate=value)
     with refuses(SettingsError, "lqr: expected 0 draws or more, got -1; change it."):

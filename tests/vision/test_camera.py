@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from monodyn.errors import SettingsError
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import (
     CENTRE_X,
@@ -16,6 +17,7 @@ from monodyn.vision.drawing.camera import (
     X,
     Y,
     camera_array,
+    check_view,
     on_plane,
     pixels,
     rotation,
@@ -25,6 +27,7 @@ from monodyn.vision.drawing.camera import (
     with_values,
 )
 from pictures import CAMERA
+from support import refuses
 
 
 @pytest.mark.parametrize(
@@ -96,3 +99,13 @@ def test_a_turned_camera_sees_turned_points_where_they_were(turn: dict[str, floa
     np.testing.assert_allclose(pixels(found, moved), pixels(camera, points), atol=1e-9)
     if not turn:
         assert (found.roll, found.pitch, found.yaw) == pytest.approx((angle, 0.0, 0.0))
+
+
+def test_a_view_of_nearly_everything_is_refused() -> None:
+    check_view(72.0, 720, 480)
+    with refuses(
+        SettingsError,
+        "camera.focal: expected at least 72 px in pictures of 720x480 px, got 71; give it in "
+        "pixels of the clip.",
+    ):
+        check_view(71.0, 720, 480)

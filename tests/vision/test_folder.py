@@ -113,3 +113,14 @@ def test_pictures_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyP
         "half its size, for example as made by ffmpeg -i CLIP -vf scale=iw/2:-2 SMALLER.mp4.",
     ):
         read(tmp_path)
+
+
+def test_pictures_that_are_too_long(tmp_path: Path) -> None:
+    for k in range(2):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), np.zeros((20, 16_400, 3), np.uint8))
+    with refuses(
+        VideoError,
+        f"clip '{tmp_path}': expected pictures of at most 16384 px to a side, got 16400x20; give the part "
+        "that shows the mechanism.",
+    ):
+        read(tmp_path)

@@ -7,8 +7,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from monodyn.errors import VideoError
 from monodyn.vision.clip.video import read
-from support import ClipMaker, square
+from support import ClipMaker, refuses, square
 
 
 @pytest.mark.parametrize(("aspect", "size"), [(Fraction(4, 3), (85, 48)), (Fraction(1, 2), (64, 96))])
@@ -49,3 +50,13 @@ def test_luma_is_in_video_range_whatever_the_file_holds(make_clip: ClipMaker, pi
     # 60 and 220 of 255 are 68 and 205 between 16 and 235; 3 levels for the codec
     assert abs(int(np.median(frame.luma)) - 68) <= 3
     assert abs(int(frame.luma[10, 6]) - 205) <= 3
+
+
+def test_pixels_that_no_format_has_are_refused(make_clip: ClipMaker) -> None:
+    clip = make_clip(aspect=Fraction(1, 255))
+    with refuses(
+        VideoError,
+        f"clip '{clip}': expected pixels at most 8 times as wide as high, or as high as wide, got 1:255; correct "
+        "the file's sample aspect ratio, for example as made by ffmpeg -i CLIP -vf setsar=1 FIXED.mp4.",
+    ):
+        read(clip)

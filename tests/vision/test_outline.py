@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 
+from monodyn.errors import MechanismError
 from monodyn.mechanism import Mechanism, load
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import pixels
-from monodyn.vision.drawing.outline import _placed, _visible, covered_pixels, outline
+from monodyn.vision.drawing.outline import _placed, _visible, check_told_apart, covered_pixels, outline
 from monodyn.vision.drawing.rig import rig_of
 from pictures import CAMERA
+from support import refuses
 
 
 def test_covered_pixels_grow() -> None:
@@ -56,3 +60,28 @@ def test_the_cut_outline_is_the_usual_one_where_all_is_before_the_camera() -> No
         # a ball is sampled in 98 directions here
         assert area[1] == pytest.approx(area[0], rel=0.06)
         assert cut.mean(axis=0) == pytest.approx(polygon.mean(axis=0), abs=3.0)
+
+
+SLIDES = """<mujoco><option gravity="0 0 -9.81"/><worldbody>
+<body><joint name="near" type="slide" axis="1 0 0"/>{first}
+<body><joint name="far" type="slide" axis="1 0 0"/><geom type="box" size="0.1 0.05 0.05"/></body>
+</body></worldbody></mujoco>"""
+BARE = '<inertial pos="0 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>'
+
+
+def test_joints_that_no_picture_tells_apart_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "slides.xml"
+    file.write_text(SLIDES.format(first=BARE))
+    with refuses(
+        MechanismError,
+        "joints 'near', 'far': expected each to move what can be seen in its own way, got some that no "
+        "picture tells apart; give the bodies between them a geom, or leave joints out.",
+    ):
+        check_told_apart(load(file))
+    file.write_text(SLIDES.format(first='<geom type="box" size="0.02 0.02 0.02"/>'))
+    check_told_apart(load(file))
+
+
+@pytest.mark.parametrize("name", ["single", "double", "triple", "bob", "cartpole", "chain:10"])
+def test_every_bundled_mechanism_is_told_apart(name: str) -> None:
+    check_told_apart(load(name))

@@ -49,7 +49,11 @@ def test_segment_settings() -> None:
 def test_locate_settings() -> None:
     with refuses(SettingsError, "locate.seed: expected 0 or more, got -1; give a whole number."):
         LocateSettings(seed=-1)
-    with refuses(SettingsError, "locate.focal: expected 0 to 1e6 px, got -5.0."):
+    with refuses(
+        SettingsError,
+        "locate.focal: expected 10 to 1e+06 px, or 0, got -5; give it in pixels of the clip, or leave "
+        "it out.",
+    ):
         LocateSettings(focal=-5.0)
     with refuses(SettingsError, "locate.search_frames: expected 2 to 1000 key frames, got 1."):
         LocateSettings(search_frames=1)

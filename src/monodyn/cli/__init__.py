@@ -3,8 +3,8 @@
 
 ``table`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
 command into them. The stages themselves check the values; here their errors become one line on the error
-stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 130 interrupted, 143
-ended by SIGTERM.
+stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 70 an error that nobody
+foresaw, 130 interrupted, 143 ended by SIGTERM.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
+from itertools import pairwise
 from typing import Any
 
 HELP = """Usage: monodyn COMMAND ...
@@ -45,14 +46,16 @@ Examples:
 
 monodyn COMMAND --help shows the options of a command that most people need, --help-all all of them.
 
-Exit codes: 0 done; 1 the fit is not to be trusted; 2 bad input or usage; 130 interrupted; 143 ended by
-SIGTERM.
+Exit codes: 0 done; 1 the fit is not to be trusted; 2 bad input or usage; 70 an error of Monodyn
+itself; 130 interrupted; 143 ended by SIGTERM.
 """
 
 SIGNALLED = 128
 """The exit code of a program that a signal has ended is this much more than the number of the signal."""
 INTERRUPT = 2
 """The number of Ctrl-C (SIGINT)."""
+UNFORESEEN = 70
+"""Exit code of an error that nobody foresaw: an internal software error, by the custom of sysexits.h."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -95,9 +98,11 @@ def _main(words: list[str]) -> int:
             _fail(str(error))
             return 1 if isinstance(error, FitError) else 2
         if isinstance(error, OSError):
-            _fail(_unusable(error))
+            from monodyn.typed import unusable
+
+            _fail(unusable(error))
             return 2
-        raise
+        return _unforeseen(error, words)
 
 
 def _interrupted(said: str = "nothing was written.", number: int = INTERRUPT) -> int:
@@ -106,10 +111,19 @@ def _interrupted(said: str = "nothing was written.", number: int = INTERRUPT) ->
     return SIGNALLED + number
 
 
-def _unusable(error: OSError) -> str:
-    """Say which place the system could not use."""
-    name = str(error.filename or "a file")
-    return f"'{name}': expected a place the system can use, got '{error.strerror or error}'; give another."
+def _unforeseen(error: Exception, words: Sequence[str]) -> int:
+    """Say that Monodyn itself failed, and where the traceback is: in the folder of the run, if it has one."""
+    from monodyn.cli.streams import kept_traceback
+
+    named = [after for word, after in pairwise(words) if word == "--out"]
+    named += [word.removeprefix("--out=") for word in words if word.startswith("--out=")]
+    place = kept_traceback(error, words, named[-1] if named else None)
+    what = f"{type(error).__name__}: {' '.join(str(error).split())}"
+    _fail(
+        f"an error of Monodyn itself ({what[:100]}); please report it to its makers with '{place}', "
+        "which has the details."
+    )
+    return UNFORESEEN
 
 
 def _dispatch(words: list[str]) -> int:
@@ -129,6 +143,9 @@ def _dispatch(words: list[str]) -> int:
     note = keep_compiled()
     if note and "--quiet" not in words:
         _fail(note)
+    from monodyn.cores import give_back_large
+
+    give_back_large()
     from monodyn.cli.options import COMMANDS, CompletionOptions
     from monodyn.cli.parse import parsed
     from monodyn.names import known

@@ -15,7 +15,7 @@ import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -26,6 +26,8 @@ SPELT = "monodyn-spelt"
 """Name of what is done with a letter that a stream cannot encode."""
 SPELLINGS = {"−": "-", "–": "-", "±": "+-", "×": "x", "∞": "inf"}
 """Letters that numbers are written with, in those that every stream can encode."""
+LOG = "error.log"
+"""File of the traceback of an error that nobody foresaw; it belongs to the run folder, which replaces it."""
 SOON = 0.05
 """How much later a Ctrl-C comes again that may have been lost [s]."""
 ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
@@ -273,6 +275,35 @@ def _silence(stream: Any) -> None:
         number = os.open(os.devnull, os.O_WRONLY)
         os.dup2(number, stream.fileno())
         os.close(number)
+
+
+def kept_traceback(error: Exception, words: Sequence[str], out: str | None) -> Path:
+    """Return the file into which the traceback of an error was written, with what was run.
+
+    Args:
+        error: The error.
+        words: The command line.
+        out: Folder of the run; the file goes into a temporary folder where there is none.
+    """
+    import platform
+    import shlex
+    import traceback
+
+    import monodyn
+
+    text = (
+        f"monodyn {monodyn.__version__}, Python {platform.python_version()}, {platform.platform()}\n"
+        f"monodyn {shlex.join(words)}\n\n{''.join(traceback.format_exception(error))}"
+    )
+    folders = [Path(out)] if out else []
+    for folder in [*folders, Path(tempfile.mkdtemp(prefix="monodyn-"))]:
+        with contextlib.suppress(OSError, ValueError):
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / LOG).write_text(text, encoding="utf-8", errors="backslashreplace")
+            return folder / LOG
+    # no disk takes it: the terminal is the only place left
+    print(text, file=sys.stderr)
+    return Path("the error stream")
 
 
 def keep_compiled() -> str:

@@ -8,6 +8,7 @@ from typing import Literal, get_args
 
 from monodyn.choices import METHOD_NAMES, Method, check_choice
 from monodyn.errors import SettingsError
+from monodyn.typed import check_fields
 
 MOST_TERMS = 50
 """Harmonics of the longest Fourier series."""
@@ -64,6 +65,7 @@ class IdentifySettings:
     uncertainty: Uncertainty = "linear"
 
     def __post_init__(self) -> None:
+        check_fields(self, "identify")
         check_choice("identify.method", self.method, (*METHOD_NAMES, None))
         for name, words in (("torque", get_args(Torque)), ("bodies", get_args(Bodies))):
             check_choice(f"identify.{name}", getattr(self, name), words)

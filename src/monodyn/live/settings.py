@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 from monodyn.choices import check_choice
 from monodyn.errors import SettingsError
+from monodyn.typed import check_fields
 from monodyn.vision.settings import LEAST_SIDE, MOST_SIDE
 
 Pace = Literal["fast", "real"]
@@ -47,6 +48,7 @@ class LiveSettings:
     pixels: Pixels = "gray"
 
     def __post_init__(self) -> None:
+        check_fields(self, "live")
         check_choice("live.pace", self.pace, get_args(Pace))
         check_choice("live.pixels", self.pixels, get_args(Pixels))
         ranges = {

@@ -18,6 +18,7 @@ from monodyn.mechanism.torques import LAG, TorqueParameters, common_names, make_
 from monodyn.mechanism.tree import Directions, Measured, Shapes, Tree
 from monodyn.names import known
 from monodyn.numbers import number
+from monodyn.typed import checked
 
 if TYPE_CHECKING:
     from monodyn.mechanism.drive import Drive
@@ -175,6 +176,7 @@ class Mechanism:
             numbers[row] = value
         return replace(self, numbers=numbers)
 
+    @checked
     def with_choices(
         self,
         fix: Mapping[str, float] | None = None,
@@ -189,6 +191,7 @@ class Mechanism:
             bounds: Lower and upper bound by name.
 
         Raises:
+            SettingsError: A choice is of another type.
             MechanismError: A name is both fixed and freed, or bounds are reversed; or, from deeper down, a
                 name is unknown, or a value is not finite, has the wrong sign or lies outside its bounds.
         """

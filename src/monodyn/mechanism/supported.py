@@ -32,6 +32,8 @@ ENDINGS = ("_vel", "_std", "_vel_std", "_seen", "_excluded", "_torque")
 HINGE_TYPE, SLIDE_TYPE = 3, 2
 FREE_TYPE = 0
 """MuJoCo's numbers of the joint types."""
+MOST_JOINTS, MOST_BODIES, MOST_GEOMS = 30, 200, 400
+"""Most of a mechanism: the time of a fit grows with the cube of its joints, of a search with its geoms."""
 
 
 def refuse_unsupported(model: Any, where: str, joints: Sequence[str], bodies: Sequence[str]) -> None:
@@ -44,10 +46,20 @@ def refuse_unsupported(model: Any, where: str, joints: Sequence[str], bodies: Se
         bodies: Names of the bodies, the world first.
 
     Raises:
-        MechanismError: There is no joint, or a body, option or constraint is not supported.
+        MechanismError: There is no joint, or more than can be searched, or a body, option or constraint is
+            not supported.
     """
     if model.njnt == 0:
         raise MechanismError(f"{where}: expected at least one joint, got none; add a hinge or a slide.")
+    for got, most, what in (
+        (model.njnt, MOST_JOINTS, "joints"),
+        (model.nbody - 1, MOST_BODIES, "bodies"),
+        (model.ngeom, MOST_GEOMS, "geoms"),
+    ):
+        if got > most:
+            raise MechanismError(
+                f"{where}: expected at most {most} {what}, got {got}; leave out what does not move."
+            )
     for j, name in enumerate(joints):
         _refuse_joint(model, j, f"{where}: joint '{name}'", reserved=name in RESERVED)
     for name, ending in itertools.product(joints, ENDINGS):

@@ -34,6 +34,7 @@ from monodyn.reproduce.vision_figures import filtered_states, history_figure, st
 from monodyn.results.export import json_text
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.log import versions
+from monodyn.typed import check_fields
 from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read
 
@@ -76,6 +77,7 @@ class ReproduceSettings:
     processes: int = 1
 
     def __post_init__(self) -> None:
+        check_fields(self, "reproduce")
         if not 1 <= self.seeds <= MOST_SEEDS:
             raise SettingsError(f"seeds: expected 1 to {MOST_SEEDS}, got {self.seeds}; give another number.")
 

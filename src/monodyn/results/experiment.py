@@ -31,6 +31,8 @@ from monodyn.results.releases import Release, releases, until_parted
 
 SECONDS = (2.0, 4.0, 8.0)
 """Lengths of records that are tried [s]."""
+LONGEST = 3600.0
+"""Longest of a record that is tried [s]: its motion is simulated from many releases."""
 HALVED = 0.5
 """Share of the interval that is to be left."""
 SURE = 0.4
@@ -114,7 +116,7 @@ def next_motion(fit: Fit, *, seconds: Sequence[float] = SECONDS) -> Advised | No
         torques act of which nothing is known after the record.
 
     Raises:
-        SettingsError: A length is not above zero.
+        SettingsError: A length is not above zero, or too long.
 
     Source:
         Choosing what to measure by the information matrix of candidates: Fedorov, Theory of optimal
@@ -124,9 +126,10 @@ def next_motion(fit: Fit, *, seconds: Sequence[float] = SECONDS) -> Advised | No
         >>> advised = monodyn.next_motion(monodyn.open_run("run"))  # doctest: +SKIP
         >>> print(advised.said)  # doctest: +SKIP
     """
-    if not seconds or not min(seconds) > 0.0:
+    if not seconds or not 0.0 < min(seconds) <= max(seconds) <= LONGEST:
         raise SettingsError(
-            f"next_motion: expected lengths of records above zero, got {list(seconds)}; give seconds."
+            f"next_motion: expected lengths of records above 0 and up to {LONGEST:g} s, got {list(seconds)}; "
+            "give seconds."
         )
     if not fit.starts or not fit.ok or fit.torque == "free" or not np.all(np.isfinite(fit.shared_covariance)):
         return None

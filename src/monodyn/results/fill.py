@@ -14,12 +14,15 @@ from monodyn.estimation.parts import Start
 from monodyn.extras import extra
 from monodyn.markup import brief, card, counted, stretch, table
 from monodyn.mechanism.drive import Drive
-from monodyn.mechanism.steps import ERROR_BOUND
+from monodyn.mechanism.steps import ERROR_BOUND, spacing
 from monodyn.numbers import number, short
 
 if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
+
+MOST_ROWS = 1_000_000
+"""Rows of a prediction at most: a typing error in a time must not fill the disk."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,14 +114,22 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
         The motion at ``times``.
 
     Raises:
-        SettingsError: The times do not increase, there is no such record, or nothing was identified.
+        SettingsError: The times do not increase or are too far from the record, there is no such record, or
+            nothing was identified.
     """
-    times = increasing("fill: times", np.asarray(times, dtype=float), error=SettingsError)
+    times = frozen("fill: times", times, (None,), error=SettingsError)
+    times = increasing("fill: times", times, error=SettingsError)
     if not fit.starts:
         raise SettingsError(f"fill: expected an identified mechanism, got a fit without one: {fit.status}")
     if not 0 <= record < len(fit.starts):
         raise SettingsError(f"fill: expected a record from 0 to {len(fit.starts) - 1}, got {record}.")
-    start = fit.starts[record]
+    start, stamps = fit.starts[record], fit.time[record]
+    farthest = MOST_ROWS * spacing(stamps)
+    if len(times) and max(start.time - times[0], times[-1] - start.time) > farthest:
+        raise SettingsError(
+            f"fill: expected times within {farthest:.3g} s of {start.time:g} s, got {times[0]:.6g} to "
+            f"{times[-1]:.6g} s; give times nearer to those of the record."
+        )
     # the start lies within the times: one rollout runs forwards from it, one backwards
     before = np.flatnonzero(times < start.time)[::-1]
     after = np.flatnonzero(times >= start.time)

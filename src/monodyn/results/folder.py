@@ -38,6 +38,7 @@ FILES = (
     "overlay.mp4",
     "diagnosis.png",
     "report.html",
+    "error.log",
     *DRAWN,
     "run.toml",
     "run.json",

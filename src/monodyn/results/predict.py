@@ -9,10 +9,7 @@ import numpy as np
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism.steps import spacing
-from monodyn.results.fill import States, fill
-
-MOST_ROWS = 1_000_000
-"""Rows of a prediction at most: a typing error in a time must not fill the disk."""
+from monodyn.results.fill import MOST_ROWS, States, fill
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -31,6 +31,7 @@ from monodyn.results.linear import (
     state_matrices,
     without_dry_friction,
 )
+from monodyn.typed import check_types
 
 NEAR = 0.1
 """An equilibrium is looked for so near to the position that was asked for [rad or m]."""
@@ -191,10 +192,13 @@ def lqr(
     if not fit.starts:
         raise SettingsError(f"lqr: expected an identified mechanism, got a fit without one: {fit.status}")
     mechanism, allowed = fit.mechanism, allowed or Allowed()
-    for name, value in (*allowed._asdict().items(), ("rate", rate)):
-        if not 0.0 < value <= FASTEST:
+    weights = allowed._asdict()
+    check_types("lqr", weights, dict.fromkeys(weights, float))
+    for name, value in (*weights.items(), ("rate", rate)):
+        if not 1.0 / FASTEST <= value <= FASTEST:
             raise SettingsError(
-                f"lqr: expected a number above 0 and up to {FASTEST:g} for {name}, got {value:g}; change it."
+                f"lqr: expected a number from {1.0 / FASTEST:g} to {FASTEST:g} for {name}, got {value:g}; "
+                "change it."
             )
     if draws < 0:
         raise SettingsError(f"lqr: expected 0 draws or more, got {draws}; change it.")

@@ -8,6 +8,7 @@ from typing import Literal, get_args
 
 from monodyn.choices import METHOD_NAMES, Method, check_choice
 from monodyn.errors import SettingsError
+from monodyn.typed import check_fields
 
 RATES = (1e-3, 1e6)
 """Least and most frames a second [Hz] that a clip can be given."""
@@ -17,6 +18,8 @@ LEAST_SIDE = 16
 """Least side of a region of the picture [px]."""
 MOST_SIDE = 65_535
 """Most side of a picture [px]; no format has more."""
+FOCALS = (10.0, 1e6)
+"""Least and most focal length [px]: of a very wide view of the smallest picture, and of no perspective."""
 Colour = Literal["auto", "grey", "colour"]
 """Whether the foreground is found by grey level alone or by colour."""
 Axis = Literal["auto", "down", "up"]
@@ -51,6 +54,7 @@ class SegmentSettings:
     time_range: tuple[float, float | None] | None = None
 
     def __post_init__(self) -> None:
+        check_fields(self, "segment")
         check_choice("segment.method", self.method, (*SEGMENT_METHOD_NAMES, None))
         check_choice("segment.colour", self.colour, get_args(Colour))
         if not 0 <= self.contrast <= 255:
@@ -89,6 +93,7 @@ class CameraSettings:
     readout: float = 0.0
 
     def __post_init__(self) -> None:
+        check_fields(self, "camera")
         check_choice("camera.method", self.method, (*METHOD_NAMES, None))
         if self.exposure is not None and not 0.0 <= self.exposure <= LONGEST:
             raise SettingsError(
@@ -124,11 +129,15 @@ class LocateSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        check_fields(self, "locate")
         check_choice("locate.method", self.method, (*METHOD_NAMES, None))
         if self.seed < 0:
             raise SettingsError(f"locate.seed: expected 0 or more, got {self.seed}; give a whole number.")
-        if not 0.0 <= self.focal <= 1e6:
-            raise SettingsError(f"locate.focal: expected 0 to 1e6 px, got {self.focal}.")
+        if self.focal != 0.0 and not FOCALS[0] <= self.focal <= FOCALS[1]:
+            raise SettingsError(
+                f"locate.focal: expected {FOCALS[0]:g} to {FOCALS[1]:g} px, or 0, got {self.focal:g}; give "
+                "it in pixels of the clip, or leave it out."
+            )
         for name in ("search_frames", "refine_frames"):
             if not 2 <= getattr(self, name) <= 1000:
                 raise SettingsError(
@@ -163,6 +172,7 @@ class TrackSettings:
     patience: int = 3
 
     def __post_init__(self) -> None:
+        check_fields(self, "track")
         check_choice("track.method", self.method, (*METHOD_NAMES, None))
         for name, low, high in (
             ("spacing", 0.5, 100.0),

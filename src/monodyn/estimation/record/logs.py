@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monodyn.errors import VideoError
 from monodyn.estimation.record.tables import WILD, clock, row_numbers, table_rows
+from monodyn.mechanism import Mechanism
 from monodyn.names import known, quoted, short
 from monodyn.types import TorqueLog
-
-if TYPE_CHECKING:
-    from monodyn.mechanism import Mechanism
 
 SUFFIX = "_torque"
 """Ends the names of torques where a table has the positions of the joints as well."""

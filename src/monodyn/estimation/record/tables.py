@@ -8,18 +8,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monodyn.arrays import increasing
+from monodyn.choices import check_endless
 from monodyn.errors import VideoError
+from monodyn.mechanism import Mechanism
 from monodyn.names import meant, near, near_files, quoted, short
 from monodyn.types import Poses, shared_columns
 
-if TYPE_CHECKING:
-    from monodyn.mechanism import Mechanism
-
+MOST_ROWS = 200_000
+"""Most rows of a table of joint positions: a fit of them takes two minutes or so, and they tell enough."""
 SEEN_WORDS = {"1": True, "true": True, "0": False, "false": False}
 """What a cell of the column ``seen`` may hold; some tools write words."""
 WILD = 1e30
@@ -54,6 +54,11 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     path = Path(path)
     names = tuple(joints if isinstance(joints, Sequence) else (joint.name for joint in joints.joints))
     header, rows = table_rows(path)
+    if len(rows) > MOST_ROWS:
+        raise VideoError(
+            f"{path.name}: expected at most {MOST_ROWS} rows, got {len(rows)}; keep one of every "
+            f"{-(-len(rows) // MOST_ROWS)}, a motion needs some ten rows a swing."
+        )
     columns = _columns(path, header, names)
     # numbers first, then what they may be: a message names the first thing that is wrong in a line
     table = np.array([row_numbers(path, header, row, line) for line, row in rows])
@@ -139,8 +144,9 @@ def table_rows(path: Path, what: str = "joint positions") -> tuple[list[str], li
         The header, and the rows with their line numbers.
 
     Raises:
-        VideoError: The file cannot be read, or is no such table.
+        VideoError: The file cannot be read, or is no such table, or has no end.
     """
+    check_endless(path, VideoError)
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:

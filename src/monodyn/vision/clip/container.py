@@ -24,6 +24,8 @@ _NOT_CLIPS = ("hls", "concat", "dash", "sdp", "image2", "image2pipe", "tty", "we
 """Formats that name other files or are one picture or text, by the demuxer's name."""
 
 
+MOST_ASPECT = 8
+"""Most width of a pixel over its height, and height over width: no format has half of that."""
 OPENING = 4
 """Pictures that are decoded to compare their stamps with those of the packets."""
 COARSE = 0.01
@@ -196,6 +198,12 @@ def _first_pictures(path: Path) -> _Opening:
     if not pts:
         raise VideoError(
             f"clip '{path}': expected pictures, none of them decodes; the file is empty or damaged."
+        )
+    if aspect and not 1.0 / MOST_ASPECT <= aspect <= MOST_ASPECT:
+        raise VideoError(
+            f"clip '{path}': expected pixels at most {MOST_ASPECT} times as wide as high, or as high as "
+            f"wide, got {aspect.numerator}:{aspect.denominator}; correct the file's sample aspect ratio, for "
+            "example as made by ffmpeg -i CLIP -vf setsar=1 FIXED.mp4."
         )
     return _Opening(pts, base, rates, stampless, _Layout(shape, square_size(*shape, aspect), turn))
 

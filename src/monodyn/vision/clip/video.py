@@ -14,9 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from monodyn.arrays import frozen, increasing
+from monodyn.cores import give_back_large
 from monodyn.errors import VideoError
 from monodyn.markup import card, counted, sentences, stretch
 from monodyn.names import meant, near_files
+from monodyn.typed import checked
 from monodyn.types import Frame
 from monodyn.vision.clip.ahead import made_ahead
 from monodyn.vision.clip.repeats import NO_REPEATS, Repeats
@@ -26,6 +28,10 @@ from monodyn.vision.settings import LEAST_SIDE, RATES
 AHEAD = 4
 """Frames that are decoded before they are asked for, at most."""
 
+LARGE_PIXELS = 2_100_000
+"""Pixels from which on the memory of a picture matters."""
+LONGEST_SIDE = 16_384
+"""Most pixels along a side of a picture: what draws and warps pictures counts to twice that."""
 MOST_PIXELS = 20_000_000
 """Most pixels of a picture: what a whole run holds of them is some 200 bytes each."""
 Decode = Callable[[int, int], Iterator[Frame]]
@@ -81,6 +87,7 @@ class Video:
         """What was dropped, missing or assumed, in sentences; complete after a pass over the frames."""
         return tuple(self.remarks)
 
+    @checked
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         """Decode frames ``start`` to ``stop - 1``, on a thread of its own while those before are worked on.
 
@@ -97,6 +104,7 @@ class Video:
 
         Raises:
             VideoError: The range lies outside the clip.
+            SettingsError: A number is no whole number.
         """
         end = self.count if stop is None else stop
         if not 0 <= start <= end <= self.count:
@@ -232,12 +240,19 @@ def _checked(video: Video) -> Video:
             f"clip '{video.path}': expected pictures of at least {LEAST_SIDE}x{LEAST_SIDE} px, got "
             f"{video.width}x{video.height}; give the clip at its full size."
         )
+    if max(video.width, video.height) > LONGEST_SIDE:
+        raise VideoError(
+            f"clip '{video.path}': expected pictures of at most {LONGEST_SIDE} px to a side, got "
+            f"{video.width}x{video.height}; give the part that shows the mechanism."
+        )
     if video.width * video.height > MOST_PIXELS:
         raise VideoError(
             f"clip '{video.path}': expected pictures of at most {MOST_PIXELS / 1e6:.0f} million pixels, got "
             f"{video.width}x{video.height}; give the clip at half its size, for example as made by ffmpeg -i "
             "CLIP -vf scale=iw/2:-2 SMALLER.mp4."
         )
+    if video.width * video.height > LARGE_PIXELS:
+        give_back_large()
     return video
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.errors import SettingsError
 from monodyn.mechanism.upright import ROLL_STD
 from monodyn.types import Camera
+from monodyn.vision.settings import FOCALS
 
 
 class CameraParameter(NamedTuple):
@@ -45,6 +48,10 @@ CAMERA_STD = {
 """Standard deviations of what is assumed of a camera of which nothing is known: turns about zero [rad], and
 the logarithm of the focal length about its start."""
 
+LEAST_VIEW = 0.1
+"""Least focal length over the picture's longer side: a view of 157 deg, as of no lens that bends nothing."""
+FARTHEST = 1e6
+"""Farthest that a camera may be from a mechanism, and one over the nearest [m]."""
 GRAZING = 0.1
 """Least slope of a ray to the plane that is told apart from one along it."""
 ROTATION = 9
@@ -222,3 +229,57 @@ def displaced_camera(packed: np.ndarray, by: np.ndarray) -> np.ndarray:
     out = packed.copy()
     out[[CENTRE_X, CENTRE_Y]] += by
     return out
+
+
+def check_value(name: str, value: float) -> None:
+    """Refuse a value of a camera parameter that no camera in front of the plane can have.
+
+    Args:
+        name: Name of the parameter.
+        value: Its value.
+
+    Raises:
+        SettingsError: there is no such camera.
+    """
+    unit = PARAMETERS[name].unit
+    if not math.isfinite(value):
+        raise SettingsError(f"parameter '{name}': expected a finite number, got {value}; give it in {unit}.")
+    if name in ("camera.depth", "camera.focal") and value <= 0:
+        raise SettingsError(
+            f"parameter '{name}': expected a value above 0 {unit}, got {value:g}; correct it."
+        )
+    if name == "camera.focal" and not FOCALS[0] <= value <= FOCALS[1]:
+        raise SettingsError(
+            f"parameter '{name}': expected {FOCALS[0]:g} to {FOCALS[1]:g} {unit}, got {value:g}; correct it."
+        )
+    if PARAMETERS[name].unit == "m" and (
+        abs(value) > FARTHEST or (name == "camera.depth" and value < 1.0 / FARTHEST)
+    ):
+        raise SettingsError(
+            f"parameter '{name}': expected a place within {FARTHEST:g} {unit} of the mechanism, got "
+            f"{value:g}; correct it."
+        )
+    if name in ("camera.pitch", "camera.yaw") and abs(value) >= math.pi / 2:
+        raise SettingsError(
+            f"parameter '{name}': expected less than a quarter turn, got {value:g} rad; "
+            "the camera looks at the plane, give the angle in radians."
+        )
+
+
+def check_view(focal: float, width: int, height: int) -> None:
+    """Refuse a focal length with which the picture would show nearly all that is before the camera.
+
+    Args:
+        focal: The focal length [px].
+        width: Width of the picture [px].
+        height: Its height [px].
+
+    Raises:
+        SettingsError: it is less than ``LEAST_VIEW`` of the picture's longer side.
+    """
+    least = LEAST_VIEW * max(width, height)
+    if focal < least:
+        raise SettingsError(
+            f"camera.focal: expected at least {least:g} px in pictures of {width}x{height} px, got "
+            f"{focal:g}; give it in pixels of the clip."
+        )

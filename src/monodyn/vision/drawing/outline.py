@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from monodyn.errors import MechanismError
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import rotation
@@ -21,6 +22,8 @@ NEAR = 0.02
 """Least distance before the camera at which a body is drawn, as a share of the camera's distance."""
 BEYOND = 3.0
 """Outlines are cut off so many picture sizes from the middle of the picture."""
+STEP, ALIKE = 1e-4, 1e-5
+"""Step of a joint by which its motion is measured [rad or m]; difference below which motions are the same."""
 _CUBE = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 3), axis=-1).reshape(-1, 3)
 BALL = _CUBE[np.abs(_CUBE).max(axis=1) == 1.0]
 """Directions in which the surface of a ball is sampled where its tangent cone has no picture, (point, 3)."""
@@ -111,4 +114,38 @@ def covered_pixels(
         points = np.round(polygon * 16.0).astype(np.int32)
         cv2.fillPoly(picture, [points], 1, cv2.LINE_8, 4)
         cv2.polylines(picture, [points], True, 1, max(1, round(2.0 * margin)), cv2.LINE_8, 4)
-    return picture > 0
+    # what is not covered was never written to, and takes no memory: no copy is made of it
+    return picture.view(np.bool_)
+
+
+def check_told_apart(mechanism: Mechanism) -> None:
+    """Refuse a mechanism of which several joints move all that can be seen alike, in every pose.
+
+    Args:
+        mechanism: The mechanism.
+
+    Raises:
+        MechanismError: two joints or more cannot be told apart by any picture.
+    """
+    rig = rig_of(mechanism, Camera(1000, 1000, 1000.0))
+    # a pose like any other; at zero links may lie on one line
+    pose = np.random.default_rng(0).uniform(0.2, 1.0, len(mechanism.joints))
+
+    def places(position: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.zeros(0), *(points.ravel() for points in _placed(rig, position))])
+
+    steps = STEP * np.eye(len(pose))
+    moved = np.array([(places(pose + step) - places(pose - step)) / (2.0 * STEP) for step in steps])
+    sizes = np.linalg.norm(moved, axis=1)
+    # a joint that moves nothing is one that is hidden: the motion of the others may show it
+    shown = np.flatnonzero(sizes > ALIKE * max(sizes.max(initial=0.0), 1e-12))
+    if len(shown) < 2:
+        return
+    left, strength, _ = np.linalg.svd(moved[shown] / sizes[shown, np.newaxis], full_matrices=False)
+    if strength[-1] > ALIKE:
+        return
+    alike = [f"'{mechanism.joints[shown[i]].name}'" for i in np.flatnonzero(np.abs(left[:, -1]) > 0.1)]
+    raise MechanismError(
+        f"joints {', '.join(alike)}: expected each to move what can be seen in its own way, got some that no "
+        "picture tells apart; give the bodies between them a geom, or leave joints out."
+    )

@@ -229,7 +229,8 @@ def _smooth_deviation(deviation: np.ndarray) -> np.ndarray:
     """
     import cv2
 
-    smooth = cv2.blur(deviation**2, (5, 5))
+    smooth = deviation**2
+    cv2.blur(smooth, (5, 5), dst=smooth)
     return np.sqrt(np.maximum(smooth, LEAST_NOISE**2, out=smooth), out=smooth)
 
 

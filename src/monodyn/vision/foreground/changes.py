@@ -25,6 +25,8 @@ SHOWN, BEHIND, FRAME = slice(0, 3), slice(3, 6), 6
 """Columns of a table of pixels: colour, colour of the background there, and number of the frame."""
 CONTRAST_FRAMES, PICKED_FRAMES = 12, 24
 """Samples that are enough for the contrast of what moves, and for its colours."""
+PIXELS_AT_ONCE = 17_000_000
+"""Pixels of all the samples that are gone through at a time, about."""
 PICKED = 500
 """Pixels of such a sample that are enough for its colours."""
 LEAST_CORE = 20
@@ -90,9 +92,12 @@ def moving_pixels(
         """Return the pixels of one sample, (pixel, column)."""
         frame, moving = samples[number], np.zeros(shape, np.uint8)
         # enlarged as the coverage is
-        tint = [cv2.resize(p, shape[::-1], interpolation=cv2.INTER_LINEAR) for p in frame.chroma or ()]
-        planes = [frame.luma, *([] if grey_only else tint)]
-        fill_moving(planes[0], _stacked(planes[1:], np.uint8), behind, least, moving)
+        small = () if grey_only else frame.chroma or ()
+        tint = np.zeros((len(small), *(shape if small else (1, 1))), np.uint8)
+        for plane, out in zip(small, tint, strict=True):
+            cv2.resize(plane, shape[::-1], dst=out, interpolation=cv2.INTER_LINEAR)
+        planes = [frame.luma, *tint]
+        fill_moving(frame.luma, tint, behind, least, moving)
         if shadow is not None:
             moving[in_shadow(frame, background, shadow)] = 0
         # pixels at an edge are mixed with the background; only a thin mechanism has no others
@@ -106,7 +111,8 @@ def moving_pixels(
         back = [plane[y, x] for plane in (behind.luma, *behind.chroma)] + blank
         return np.column_stack([*shown, *back, np.full(len(y), number)]).astype(np.float64)
 
-    return np.concatenate(on_all_cores(picked, range(0, len(samples), spacing(len(samples), PICKED_FRAMES))))
+    rows = range(0, len(samples), spacing(len(samples), PICKED_FRAMES))
+    return np.concatenate(on_all_cores(picked, rows, most=max(1, PIXELS_AT_ONCE // (shape[0] * shape[1]))))
 
 
 def _scenery(samples: Sequence[Frame], background: Background, grey_only: bool, contrast: float) -> Scenery:
@@ -115,23 +121,18 @@ def _scenery(samples: Sequence[Frame], background: Background, grey_only: bool, 
 
     shape = background.luma.shape
     luma, *chroma = full_size(background.luma, None if grey_only else background.chroma)
+    tint = np.stack(chroma) if chroma else np.zeros((0, 1, 1), np.float32)
+    del chroma
     around = np.stack(surroundings(samples, background, contrast))
     rows, columns = (np.arange(shape[k]) * around.shape[k + 1] // shape[k] for k in (0, 1))
     noise = np.broadcast_to(background.pixel_noise, shape)
-    return Scenery(
-        luma, _stacked(chroma, np.float32), around, noise, background.counts, background.window, rows, columns
-    )
+    return Scenery(luma, tint, around, noise, background.counts, background.window, rows, columns)
 
 
 def _margined(background: Background) -> tuple[slice, slice]:
     """Return rows and columns of the part in which anything moves, and of a still pixel around it."""
     top, bottom, left, right = background.window
     return slice(max(0, top - 1), bottom + 1), slice(max(0, left - 1), right + 1)
-
-
-def _stacked(planes: Sequence[np.ndarray], kind: type) -> np.ndarray:
-    """Return planes as one array, (plane, row, column), also where there is none."""
-    return np.stack(planes) if len(planes) else np.zeros((0, 1, 1), kind)
 
 
 def surroundings(samples: Sequence[Frame], background: Background, contrast: float) -> list[np.ndarray]:
@@ -172,7 +173,7 @@ def surroundings(samples: Sequence[Frame], background: Background, contrast: flo
 
 
 def full_size(luma: np.ndarray, chroma: tuple[np.ndarray, np.ndarray] | None) -> list[np.ndarray]:
-    """Bring the planes of a picture to its full size.
+    """Bring the planes of a picture to its full size; what has it already is not copied.
 
     Args:
         luma: Grey levels, (height, width).
@@ -185,8 +186,9 @@ def full_size(luma: np.ndarray, chroma: tuple[np.ndarray, np.ndarray] | None) ->
 
     size = (luma.shape[1], luma.shape[0])
     small = () if chroma is None else chroma
-    return [luma.astype(np.float32)] + [
-        cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_LINEAR) for plane in small
+    return [luma.astype(np.float32, copy=False)] + [
+        cv2.resize(plane.astype(np.float32, copy=False), size, interpolation=cv2.INTER_LINEAR)
+        for plane in small
     ]
 
 

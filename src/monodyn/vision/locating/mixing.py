@@ -89,7 +89,11 @@ def lit_planes(planes: np.ndarray, colours: np.ndarray, ground: Sequence[np.ndar
     Returns:
         The coverage, uint8 (colour, height, width); the same where figure and ground are nearly alike.
     """
-    lit = planes.copy()
+    # what is zero everywhere takes no memory until it is written to
+    lit = np.zeros(planes.shape, planes.dtype)
+    shown = [np.flatnonzero(planes.any(axis=axes)) for axes in ((0, 2), (0, 1))]
+    part = (slice(None), *(slice(at[0], at[-1] + 1) if len(at) else slice(0) for at in shown))
+    lit[part] = planes[part]
     for plane, colour in zip(lit, colours, strict=True):
         mixed = np.flatnonzero((plane > 0) & (plane < FULL))
         # of a large picture all of them at once would fill the memory

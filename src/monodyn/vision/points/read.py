@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from monodyn.choices import check_choice
+from monodyn.choices import check_choice, check_endless
 from monodyn.errors import VideoError
 from monodyn.names import meant, near_files
 from monodyn.vision.clip.video import Video, check_rate
@@ -90,6 +90,7 @@ def read_points(
 
 def _table(path: Path) -> PointTable:
     """Return the table of a file, whatever tool wrote it."""
+    check_endless(path, VideoError)
     try:
         with path.open("rb") as file:
             hdf5 = file.read(len(SIGNATURE)) == SIGNATURE

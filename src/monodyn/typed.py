@@ -1,0 +1,187 @@
+"""What a public function is given, held against what it states: a wrong type is a sentence, no traceback.
+
+Annotations are what a caller reads; here they are kept. Values within their types are the functions' own
+matter. Checked is at the public door alone: what calls a function from inside pays nothing.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Collection, Mapping, Sequence, Set
+from functools import cache, wraps
+from numbers import Integral, Real
+from pathlib import Path
+from types import UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from monodyn.errors import SettingsError
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+TRUTH = ("bool", "bool_")
+"""Types of True and False, of Python and of numpy, which is not loaded for this."""
+
+CALLED = ("__call__", "__iter__")
+"""What a protocol may state beyond its own names."""
+
+
+def checked(function: Function) -> Function:
+    """Return a function that refuses arguments of other types than it states.
+
+    Args:
+        function: Any function with annotations.
+
+    Raises:
+        SettingsError: of what is returned, when it is called: an argument has another type, or names a place
+            that the system cannot use.
+    """
+    signature = inspect.signature(function)
+
+    @wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        given = signature.bind(*args, **kwargs).arguments
+        check_types(function.__name__, given, _hints(function))
+        try:
+            return function(*args, **kwargs)
+        except OSError as error:
+            raise SettingsError(f"{function.__name__}: {unusable(error)}") from error
+
+    return call  # type: ignore[return-value]
+
+
+def unusable(error: OSError) -> str:
+    """Return a sentence on the place that the system could not use.
+
+    Args:
+        error: What the system said.
+    """
+    # a name that is too long is what the error is about: its ends are enough to find it
+    name = str(error.filename or "a file")
+    name = name if len(name) < 200 else f"{name[:80]}...{name[-40:]}"
+    return f"'{name}': expected a place the system can use, got '{error.strerror or error}'; give another."
+
+
+def check_fields(settings: object, name: str) -> None:
+    """Refuse settings of which a field has another type than its class states.
+
+    Args:
+        settings: An instance of a dataclass.
+        name: What the settings are called in messages.
+
+    Raises:
+        SettingsError: a field has another type.
+    """
+    check_types(name, vars(settings), _hints(type(settings)))
+
+
+def check_types(where: str, values: Mapping[str, object], hints: Mapping[str, Any]) -> None:
+    """Refuse values of other types than stated.
+
+    Args:
+        where: What takes the values, for the message.
+        values: The values by name.
+        hints: Their annotations by name; what has none may be anything.
+
+    Raises:
+        SettingsError: a value has another type.
+    """
+    for name, value in values.items():
+        if name in hints and not is_a(value, hints[name]):
+            raise SettingsError(
+                f"{where}: expected {name} to be {_said(hints[name])}, got {_kind(value)}; give another."
+            )
+
+
+@cache
+def _hints(function: Any) -> dict[str, Any]:
+    return get_type_hints(function)
+
+
+def is_a(value: Any, hint: Any) -> bool:
+    """Return whether a value is of a type, as far as an annotation says.
+
+    Args:
+        value: Anything.
+        hint: An annotation; where it is of a kind that is not known here, everything is.
+    """
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return any(is_a(value, one) for one in inner)
+    if origin is Literal:
+        # which words there are is the functions' own matter: they name them all
+        return any(isinstance(value, type(one)) for one in inner)
+    if origin is tuple and inner and inner[-1] is not Ellipsis:
+        return _listed(value) and len(value) == len(inner) and all(map(is_a, value, inner))
+    if inspect.isclass(origin) and issubclass(origin, Mapping):
+        return isinstance(value, Mapping) and all(
+            is_a(key, inner[0]) and is_a(item, inner[1]) for key, item in value.items()
+        )
+    if inspect.isclass(origin) and issubclass(origin, Collection):
+        return _listed(value) and all(is_a(item, inner[0]) for item in value)
+    if origin is not None and inspect.isclass(origin) and issubclass(origin, Callable):
+        return callable(value)
+    return _of_class(value, hint if origin is None else origin)
+
+
+def _of_class(value: object, kind: Any) -> bool:
+    """True for a value of a class; numbers of numpy count as numbers, truth does not."""
+    if kind is None or kind is type(None):
+        return value is None
+    if kind is float:
+        return isinstance(value, Real) and not isinstance(value, bool)
+    if kind is int:
+        return isinstance(value, Integral) and not isinstance(value, bool)
+    if kind is bool:
+        return type(value).__name__ in TRUTH
+    if kind is str or kind is Path:
+        # the system knows no name with a zero in it
+        return isinstance(value, kind) and "\0" not in str(value)
+    if getattr(kind, "__name__", "") == "ndarray":
+        return _is_array(value)
+    if kind is Any or not inspect.isclass(kind):
+        return True
+    if getattr(kind, "_is_protocol", False):
+        stated = [name for name in (*vars(kind), *kind.__annotations__) if name in CALLED or name[0] != "_"]
+        return not inspect.isclass(value) and all(hasattr(value, name) for name in stated)
+    return isinstance(value, kind)
+
+
+def _is_array(value: Any) -> bool:
+    """True for what numpy makes an array of numbers of."""
+    from numpy import asarray
+
+    try:
+        return _listed(value) and asarray(value).dtype.kind in "biuf"
+    except (TypeError, ValueError):
+        return False
+
+
+def _listed(value: Any) -> bool:
+    """True for what has items one after the other; a text is one item."""
+    if isinstance(value, str | bytes):
+        return False
+    return isinstance(value, Sequence | Set) or hasattr(value, "__array__")
+
+
+def _said(hint: Any) -> str:
+    """Write an annotation as a reader of the documentation knows it."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return " or ".join(dict.fromkeys(_said(one) for one in inner))
+    if hint is None or hint is type(None):
+        return "None"
+    if origin is Literal:
+        return " or ".join(f"'{one}'" for one in inner)
+    plain = {float: "a number", int: "a whole number", str: "a text", bool: "True or False", Path: "a path"}
+    if hint in plain:
+        return plain[hint]
+    if origin is not None and inspect.isclass(origin) and issubclass(origin, Callable):
+        return "a function"
+    named = getattr(hint if origin is None else origin, "__name__", str(hint))
+    items = [_said(one) for one in inner if one is not Ellipsis]
+    return f"{named} of {' and '.join(dict.fromkeys(items))}" if items else named
+
+
+def _kind(value: object) -> str:
+    """Say what a value is: itself where it is short, else its type."""
+    shown = isinstance(value, str | Real) and len(repr(value)) <= 40
+    return f"{value!r}" if shown or value is None else f"a value of type {type(value).__name__}"

@@ -1,0 +1,105 @@
+import inspect
+import os
+from typing import get_type_hints
+
+import numpy as np
+import pytest
+
+import monodyn
+from monodyn.errors import MonodynError, SettingsError
+from monodyn.typed import checked, is_a
+from support import refuses
+
+PUBLIC = [name for name in monodyn.__all__ if inspect.isfunction(getattr(monodyn, name))]
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_every_argument_of_a_public_function_has_a_type_that_is_checked(name: str) -> None:
+    hints = get_type_hints(getattr(monodyn, name))
+    hints.pop("return")
+    assert [word for word, hint in hints.items() if is_a(object(), hint)] == []
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+@pytest.mark.parametrize("wrong", [None, "x\0y", 3, [], object(), np.zeros(2), {3: "x"}])
+def test_no_first_argument_ends_in_a_traceback(name: str, wrong: object) -> None:
+    function = getattr(monodyn, name)
+    needed = [p for p in inspect.signature(function).parameters.values() if p.default is p.empty]
+    given = {p.name: wrong for p in needed}
+    # what is refused is the caller's; what is not there yet is found missing
+    try:
+        made = function(**given)
+        if inspect.isgenerator(made):
+            next(made)
+    except MonodynError:
+        return
+    pytest.fail(f"{name} took {wrong!r}")
+
+
+def test_a_message_says_what_was_expected_and_what_was_given() -> None:
+    with refuses(SettingsError, "load: expected source to be a text or a path, got None; give another."):
+        monodyn.load(None)  # type: ignore[arg-type]
+    with refuses(
+        SettingsError,
+        "track: expected masks to be Masks or PointTracks, got a value of type list; give another.",
+    ):
+        monodyn.track([], None)  # type: ignore[arg-type]
+    with refuses(
+        SettingsError,
+        "identify: expected poses to be Poses or Sequence of Poses, got 'poses.csv'; give another.",
+    ):
+        monodyn.identify("poses.csv", monodyn.load("single"))  # type: ignore[arg-type]
+
+
+def test_settings_and_choices_of_other_types_are_refused() -> None:
+    with refuses(SettingsError, "locate: expected focal to be a number, got 'wide'; give another."):
+        monodyn.LocateSettings(focal="wide")  # type: ignore[arg-type]
+    mechanism = monodyn.load("single")
+    with refuses(
+        SettingsError,
+        "with_choices: expected fix to be Mapping of a text and a number or None, got a value of type dict; "
+        "give another.",
+    ):
+        mechanism.with_choices(fix={"gravity": "abc"})  # type: ignore[dict-item]
+    with refuses(
+        SettingsError, "with_choices: expected free to be Sequence of a text, got 'gravity'; give another."
+    ):
+        mechanism.with_choices(free="gravity")
+
+
+def test_a_place_that_the_system_cannot_use_is_one_sentence() -> None:
+    with refuses(SettingsError, f"load: '{80 * 'x'}...{40 * 'x'}': expected a place the system can use, got "
+                 f"'{os.strerror(36)}'; give another."):  # fmt: skip
+        monodyn.load(5000 * "x")
+
+
+@pytest.mark.parametrize(
+    ("value", "hint", "right"),
+    [
+        (np.float32(1.0), float, True),
+        (True, float, False),
+        (np.int64(3), int, True),
+        (3.0, int, False),
+        (np.bool_(True), bool, True),
+        ("ab", "tuple", False),
+        ((1, 2), tuple[int, int], True),
+        ((1, 2, 3), tuple[int, int], False),
+        ([1.0, 2.0], np.ndarray, True),
+        ([0.0, []], np.ndarray, False),
+        (["1"], np.ndarray, False),
+    ],
+)
+def test_numbers_are_numbers_whoever_made_them(value: object, hint: object, right: bool) -> None:
+    assert is_a(value, tuple[str, ...] if hint == "tuple" else hint) is right
+
+
+def test_a_checked_function_is_otherwise_the_same() -> None:
+    def half(of: float, *, twice: bool = False) -> float:
+        """Return half of a number."""
+        return of if twice else of / 2
+
+    assert checked(half)(3.0) == 1.5
+    assert checked(half)(3.0, twice=True) == 3.0
+    assert checked(half).__doc__ == half.__doc__
+    with pytest.raises(TypeError, match="missing a required argument"):
+        checked(half)()
