@@ -257,16 +257,11 @@ def test_frames_that_do_not_decode_are_counted(make_clip: ClipMaker, monkeypatch
     assert video.notes == ("6 of 12 frames cannot be decoded; 6 are used.",)
 
 
-def test_a_title_in_another_code_is_no_obstacle(make_clip: ClipMaker, tmp_path: Path) -> None:
-    path = tmp_path / "titled.mkv"
-    with av.open(str(make_clip("clip.mkv"))) as stored, av.open(str(path), "w") as titled:
-        titled.metadata["title"] = "TITLE"
-        stream = titled.add_stream_from_template(stored.streams.video[0])
-        for packet in stored.demux(stored.streams.video[0]):
-            if packet.dts is not None:
-                packet.stream = stream
-                titled.mux(packet)
-    path.write_bytes(path.read_bytes().replace(b"TITLE", b"\xe9\xe8\xff\xfe\xe9"))
+def test_a_title_in_another_code_is_no_obstacle(make_clip: ClipMaker) -> None:
+    path = make_clip("clip.mkv")
+    titled = path.read_bytes().replace(b"Lavf", b"\xe9\xe8\xff\xfe")
+    assert titled != path.read_bytes()
+    path.write_bytes(titled)
     assert read(path).count == 12
 
 
