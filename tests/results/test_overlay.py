@@ -191,4 +191,4 @@ def test_a_long_reason_takes_lines_above_the_caption() -> None:
     written = [np.flatnonzero((planes[:480] != 100).any(axis=1)) for planes in (short, both)]
     assert written[0].min() > 440
     assert 380 < written[1].min() < 440
-    assert np.array_equal(short[450:480], both[450:480])
+    assert np.array_equal(short[451:480], both[451:480])

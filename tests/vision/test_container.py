@@ -255,3 +255,23 @@ def test_frames_that_do_not_decode_are_counted(make_clip: ClipMaker, monkeypatch
     assert len(list(video.frames())) == 6
     list(video.frames())
     assert video.notes == ("6 of 12 frames cannot be decoded; 6 are used.",)
+
+
+def test_a_title_in_another_code_is_no_obstacle(make_clip: ClipMaker) -> None:
+    path = make_clip("clip.mkv")
+    titled = path.read_bytes().replace(b"Lavf", b"\xe9\xe8\xff\xfe")
+    assert titled != path.read_bytes()
+    path.write_bytes(titled)
+    assert read(path).count == 12
+
+
+def test_av_19_takes_no_word_for_titles(make_clip: ClipMaker, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, usual = make_clip(), av.open
+
+    def of_19(address: str, **how: object) -> object:
+        assert "metadata_errors" not in how
+        return usual(address, **how)  # pyright: ignore
+
+    monkeypatch.setattr(av, "open", of_19)
+    monkeypatch.setattr(av, "__version__", "19.0.2")
+    assert read(path).count == 12

@@ -322,15 +322,12 @@ def stream_at(address: str, settings: LiveSettings, rate: float | None) -> Sourc
 
 def _received(address: str, rate: float | None, planes: _Planes) -> Iterator[Frame]:
     """Yield the frames of one connection, until it ends, by the stamps of the stream."""
-    import av
     import av.error
 
-    from monodyn.vision.clip.container import pictures
+    from monodyn.vision.clip.container import opened, pictures
 
     try:
-        container = av.open(
-            address, timeout=OPENS, options={"protocol_whitelist": PROTOCOLS}, metadata_errors="ignore"
-        )
+        container = opened(address, timeout=OPENS, options={"protocol_whitelist": PROTOCOLS})
     except (av.error.FFmpegError, OSError, ValueError):
         return
     with container:

@@ -126,6 +126,23 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
     return width, height, times, clip.decode, notes, tick
 
 
+def opened(address: str, **how: Any) -> Any:
+    """Open a file or a stream, in whatever code its titles and the like are.
+
+    Args:
+        address: Where it is, in words of libav.
+        **how: Further arguments of ``av.open``.
+
+    Returns:
+        The ``av`` container.
+    """
+    import av
+
+    # from 19 on av takes texts as they come, and has no word for it
+    before_19 = int(av.__version__.partition(".")[0]) < 19
+    return av.open(address, **how, **({"metadata_errors": "ignore"} if before_19 else {}))
+
+
 def open_stream(path: Path) -> tuple[Any, Any]:
     """Open a file and pick its picture stream.
 
@@ -138,13 +155,10 @@ def open_stream(path: Path) -> tuple[Any, Any]:
     Raises:
         VideoError: The file cannot be read as a video, or it holds no moving picture.
     """
-    import av
     import av.error
 
     try:
-        container = av.open(
-            f"file:{path.resolve()}", options={"protocol_whitelist": "file"}, metadata_errors="ignore"
-        )
+        container = opened(f"file:{path.resolve()}", options={"protocol_whitelist": "file"})
     except (av.error.FFmpegError, OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
         raise VideoError(

@@ -43,7 +43,7 @@ def turn_of(frame: Any) -> Turn:
     Returns:
         The turn; the identity when the frame has no matrix.
     """
-    data = next((bytes(item) for item in frame.side_data if item.type.name == "DISPLAYMATRIX"), b"")
+    data = bytes(frame.side_data.get("DISPLAYMATRIX", b""))
     if len(data) < 36:
         return Turn()
     # nine numbers row by row, the third of each row for perspective; a picture's rows count downwards
