@@ -96,7 +96,7 @@ def _hints(function: Any) -> dict[str, Any]:
     return get_type_hints(function)
 
 
-def is_a(value: object, hint: Any) -> bool:
+def is_a(value: Any, hint: Any) -> bool:
     """Return whether a value is of a type, as far as an annotation says.
 
     Args:
