@@ -53,11 +53,11 @@ def test_luma_is_in_video_range_whatever_the_file_holds(make_clip: ClipMaker, pi
 
 
 def test_pixels_that_no_format_has_are_refused(make_clip: ClipMaker) -> None:
-    clip = make_clip(aspect=Fraction(1, 255))
+    clip = make_clip(aspect=Fraction(1, 20))
     with refuses(
         VideoError,
-        f"clip '{clip}': expected pixels at most 8 times as wide as high, or as high as wide, got 1:255; "
-        "correct the file's sample aspect ratio, for example as made by ffmpeg -i CLIP -vf setsar=1 "
-        "FIXED.mp4.",
+        f"clip '{clip}': expected pixels at most 8 times as wide as high, or as high as wide, got 1:20; "
+        "correct the file's sample aspect ratio, for example as made by ffmpeg -i CLIP -vf "
+        "setsar=1 FIXED.mp4.",
     ):
         read(clip)
