@@ -102,4 +102,4 @@ def test_a_checked_function_is_otherwise_the_same() -> None:
     assert checked(half)(3.0, twice=True) == 3.0
     assert checked(half).__doc__ == half.__doc__
     with pytest.raises(TypeError, match="missing a required argument"):
-        checked(half)(**{})
+        checked(half)()
