@@ -46,7 +46,7 @@ WHOLE = (0.95, 1.05)
 HALVINGS = 8
 """Halvings of the interval in which a coverage lies: finer than the 160 levels of a mask."""
 NEAR_PX = 12.0
-"""Band about the outlines within which pixels are looked at [px]: three times the reach of the edge search."""
+"""Band about the outlines within which pixels are looked at [px]: three times the reach of the search."""
 AT_ONCE = 50_000
 """Pixels that are looked at at a time."""
 SEARCH = EdgeSearch(np.full(4, 4.0), 3.0)
