@@ -11,10 +11,8 @@ import pytest
 
 from films import film
 from monodyn.mechanism import load
-from monodyn.vision.locating import locate
 from monodyn.vision.locating.advice import scene_advice
 from monodyn.vision.locating.bundle import Bundle
-from monodyn.vision.locating.keyframes import key_frames
 from monodyn.vision.locating.knowledge import hidden_advice
 from monodyn.vision.locating.locate import (
     Sought,
@@ -102,17 +100,13 @@ def test_a_sliding_root_takes_the_cameras_place_along_it() -> None:
 
 
 @pytest.mark.parametrize("fits", [False, True])
-def test_a_background_is_taken_again_only_where_frames_fit(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, fits: bool
-) -> None:
+def test_a_background_is_taken_again_only_where_frames_fit(tmp_path: Path, fits: bool) -> None:
     """A frame in which the mechanism was not found shows no background: of none of them nothing is left."""
     scene, poses = film(tmp_path)
-    frames = key_frames(scene.masks, len(scene.mechanism.shapes.radius))
-    numbers = [frame.index for frame in frames.frames]
-    every = poses.position[numbers], np.full(len(numbers), fits)
-    monkeypatch.setattr(locate, "_all_poses", lambda *args: every)
+    numbers = [frame.index for frame in scene.masks.samples.frames]
     found = replace(bundle(), mechanism=scene.mechanism, camera=scene.camera)
-    masks = _with_background(scene.masks, frames, found)[0]
+    fitting = np.full(len(numbers), fits)
+    masks, _ = _with_background(scene.masks, found, poses.position[numbers], fitting)
     assert (masks is not scene.masks) == fits
     assert masks.background.known.mean() > 0.9
 

@@ -26,10 +26,8 @@ GREY = [128.0, 128.0]
 def lit(share: float, figure: list[float], ground: list[float]) -> float:
     """Return what becomes of the coverage of one pixel."""
     planes = np.full((1, 1, 1), round(FULL * share), dtype=np.uint8)
-    return (
-        float(lit_planes(planes, np.array([figure]), [np.full((1, 1), value) for value in ground])[0, 0, 0])
-        / FULL
-    )
+    behind = [np.full((1, 1), value) for value in ground]
+    return float(lit_planes(planes, np.array([figure]), behind, np.ones((1, 1), bool))[0, 0, 0]) / FULL
 
 
 def test_half_of_the_level_between_black_and_white_in_closed_form() -> None:
@@ -115,3 +113,11 @@ def test_what_is_known_of_sizes_contains_the_common_direction() -> None:
     ]
     added = np.array([way[name] for name in names])
     np.testing.assert_allclose(covariance[1] - covariance[0], np.outer(added, added), atol=1e-7)
+
+
+def test_what_is_far_from_the_outlines_is_not_looked_at() -> None:
+    planes, near = np.full((1, 2, 3), FULL // 2, dtype=np.uint8), np.zeros((2, 3), bool)
+    near[1, 2] = True
+    found = lit_planes(planes, np.array([[235.0, 128.0, 128.0]]), [np.full((2, 3), 16.0)], near)
+    assert found[0, 1, 2] not in (0, FULL // 2)
+    assert not found[0][~near].any()

@@ -33,7 +33,7 @@ LARGE_PIXELS = 2_100_000
 LONGEST_SIDE = 16_384
 """Most pixels along a side of a picture: what draws and warps pictures counts to twice that."""
 MOST_PIXELS = 20_000_000
-"""Most pixels of a picture: what a whole run holds of them is some 200 bytes each."""
+"""Most pixels of a picture: what a whole run holds of them is some 150 bytes each."""
 Decode = Callable[[int, int], Iterator[Frame]]
 
 

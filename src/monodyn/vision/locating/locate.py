@@ -128,12 +128,17 @@ def find_scene(sought: Sought) -> Scene:
     masks, settings, start = sought.masks, sought.settings, sought.start
     names = refined_names(sought)
     sought.progress("locate", 0, 4)
-    frames = key_frames(masks, len(start.mechanism.shapes.radius))
+    geoms = len(start.mechanism.shapes.radius)
+    frames = key_frames(masks, geoms)
     guess = _searched(sought, frames, names)
     sought.progress("locate", 2, 4)
     # What is known of the mechanism makes the masks better, twice: first their colours, measured inside of
     # the outlines, then the background, taken where the outlines leave it free.
-    masks, frames, guess = _with_colours(masks, frames, guess)
+    guess = search_poses(frames, guess.mechanism, guess.camera)
+    # of pictures in 4K the whole masks of two sets of key frames would fill the memory
+    del frames
+    masks = _with_colours(masks, guess)
+    frames = key_frames(masks, geoms)
     guess = reconsidered(frames, guess, variables_of(guess, start, names), start)
     variables = whole_variables(sought, guess, start, names)
     bundle, rows = refined_whole(frames, guess, variables, FINE, settings.refine_frames)
@@ -146,7 +151,10 @@ def find_scene(sought: Sought) -> Scene:
         tied = replace(tied, variables=whole_variables(sought, guess, start, names))
     camera = camera_looks(sought, _whole(frames, rows), tied)
     sought.progress("locate", 3, 4)
-    masks, frames, guess = _with_background(masks, frames, camera.bundle)
+    poses = _all_poses(frames, camera.bundle)
+    del frames
+    masks, guess = _with_background(masks, camera.bundle, *poses)
+    frames = key_frames(masks, geoms)
     variables = without_names(camera.variables, departed)
     guess = replace(guess, mechanism=guess.mechanism.with_following(departed, follow=True))
     better = reconsidered(frames, guess, variables, start)
@@ -154,7 +162,10 @@ def find_scene(sought: Sought) -> Scene:
     if better is not guess:
         # colours that were measured while a geom was missing are not those of all of the mechanism
         again, _ = refined_whole(frames, better, variables, FINE, settings.refine_frames)
-        masks, frames, better = _with_background(masks, frames, again)
+        poses = _all_poses(frames, again)
+        del frames
+        masks, better = _with_background(masks, again, *poses)
+        frames = key_frames(masks, geoms)
     bundle, rows = refined_whole(frames, better, variables, search, settings.refine_frames)
     if departed:
         bundle, _ = with_departed(_whole(frames, rows), bundle, variables, FINE)
@@ -251,13 +262,11 @@ def refined_names(sought: Sought) -> list[str]:
     return names + [name for name in cameras if name not in sought.fix]
 
 
-def _with_colours(masks: Masks, frames: KeyFrames, guess: SceneGuess) -> tuple[Masks, KeyFrames, SceneGuess]:
-    """Find the pose in every sample frame and measure the colours of the geoms there."""
-    guess = search_poses(frames, guess.mechanism, guess.camera)
+def _with_colours(masks: Masks, guess: SceneGuess) -> Masks:
+    """Measure the colours of the geoms by their poses in the sample frames."""
     # the better half of the frames always counts, so that a hard clip has its colours too
     fits = guess.mismatch <= max(0.5, float(np.median(guess.mismatch)))
-    masks = masks.coloured(_colours(masks, guess, fits))
-    return masks, key_frames(masks, len(guess.mechanism.shapes.radius)), guess
+    return masks.coloured(_colours(masks, guess, fits))
 
 
 def _colours(masks: Masks, guess: SceneGuess, fits: np.ndarray) -> GeomColours | None:
@@ -266,24 +275,27 @@ def _colours(masks: Masks, guess: SceneGuess, fits: np.ndarray) -> GeomColours |
     return geom_colours(masks.samples.frames, masks.background, guess, fits, away)
 
 
-def _with_background(masks: Masks, frames: KeyFrames, bundle: Bundle) -> tuple[Masks, KeyFrames, SceneGuess]:
-    """Take the background again without the mechanism, and the colours over it."""
+def _with_background(
+    masks: Masks, bundle: Bundle, positions: np.ndarray, fits: np.ndarray
+) -> tuple[Masks, SceneGuess]:
+    """Take the background again without the mechanism, and the colours over it.
+
+    The poses in the sample frames, (frame, dof), are given with whether they lie on the masks, bool (frame,).
+    """
     mechanism, camera = bundle.mechanism, bundle.camera
-    positions, fits = _all_poses(frames, bundle)
+    guess = SceneGuess(mechanism, camera, positions, np.zeros(len(positions)))
     if fits.sum() < max(FEWEST, len(fits) // 4):
         # so few frames show no background, and nothing would be left of the mechanism before it
-        return masks, frames, SceneGuess(mechanism, camera, positions, np.zeros(len(positions)))
+        return masks, guess
     # a frame in which the mechanism was not found shows nothing that is surely background
-    everything = np.ones(frames.view.trust.shape[1:], dtype=bool)
+    everything = np.ones((camera.height, camera.width), dtype=bool)
     masks = masks.refined(
         [
             covered_pixels(mechanism, camera, q, margin=MARGIN_PX) if lies else everything
             for q, lies in zip(positions, fits, strict=True)
         ]
     )
-    guess = SceneGuess(mechanism, camera, positions, np.zeros(len(positions)))
-    masks = masks.coloured(_colours(masks, guess, fits))
-    return masks, key_frames(masks, len(mechanism.shapes.radius)), guess
+    return masks.coloured(_colours(masks, guess, fits)), guess
 
 
 def _all_poses(frames: KeyFrames, bundle: Bundle) -> tuple[np.ndarray, np.ndarray]:

@@ -24,6 +24,7 @@ import numpy as np
 from monodyn.cores import on_all_cores
 from monodyn.types import FULL, Frame
 from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.drawing.outline import covered_pixels
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.palette import BLACK, CHROMA_WEIGHT
 from monodyn.vision.foreground.thinned import at_pixels
@@ -44,6 +45,8 @@ WHOLE = (0.95, 1.05)
 """Coverage between which a pixel shows the colour of its plane."""
 HALVINGS = 8
 """Halvings of the interval in which a coverage lies: finer than the 160 levels of a mask."""
+NEAR_PX = 12.0
+"""Band about the outlines within which pixels are looked at [px]: three times the reach of the search."""
 AT_ONCE = 50_000
 """Pixels that are looked at at a time."""
 SEARCH = EdgeSearch(np.full(4, 4.0), 3.0)
@@ -70,32 +73,41 @@ def lit_sizes(
     """
     ground = [background.luma, *(background.chroma or ())]
     colours = _colours(masks.planes, pictures)
-    decoded = replace(masks, planes=on_all_cores(lambda one: lit_planes(one, colours, ground), masks.planes))
     at = np.asarray(rows, dtype=np.int64)
+
+    def lit(row: int) -> np.ndarray:
+        q = bundle.positions[at[row]]
+        near = covered_pixels(bundle.mechanism, bundle.camera, q, margin=NEAR_PX)
+        return lit_planes(masks.planes[row], colours, ground, near)
+
+    decoded = replace(masks, planes=on_all_cores(lit, range(len(at))))
     guess = SceneGuess(bundle.mechanism, bundle.camera, bundle.positions[at], bundle.rms_px[at])
     coded, lit = (refine(shown, guess, bundle.variables, SEARCH) for shown in (masks, decoded))
     before, after = (bundle.variables.read(found.mechanism, found.camera) for found in (coded, lit))
     return dict(zip(bundle.variables.names, (after - before).tolist(), strict=True))
 
 
-def lit_planes(planes: np.ndarray, colours: np.ndarray, ground: Sequence[np.ndarray]) -> np.ndarray:
+def lit_planes(
+    planes: np.ndarray, colours: np.ndarray, ground: Sequence[np.ndarray], near: np.ndarray
+) -> np.ndarray:
     """Return the coverage that a mask would show if light was mixed before it was coded.
 
     Args:
         planes: A mask by colour, uint8 (colour, height, width).
         colours: Grey level, blue and red difference of each; NaN where they are not known, (colour, 3).
         ground: The planes of what is behind the mechanism, each (row, column) of any size.
+        near: Where the coverage is wanted, bool (height, width).
 
     Returns:
-        The coverage, uint8 (colour, height, width); the same where figure and ground are nearly alike.
+        The coverage, uint8 (colour, height, width), 0 where it is not wanted; the same where figure and
+        ground are nearly alike.
     """
     # what is zero everywhere takes no memory until it is written to
     lit = np.zeros(planes.shape, planes.dtype)
-    shown = [np.flatnonzero(planes.any(axis=axes)) for axes in ((0, 2), (0, 1))]
-    part = (slice(None), *(slice(at[0], at[-1] + 1) if len(at) else slice(0) for at in shown))
-    lit[part] = planes[part]
-    for plane, colour in zip(lit, colours, strict=True):
-        mixed = np.flatnonzero((plane > 0) & (plane < FULL))
+    wanted = np.flatnonzero(near)
+    for plane, whole, colour in zip(lit, planes, colours, strict=True):
+        plane.flat[wanted] = shown = whole.flat[wanted]
+        mixed = wanted[(shown > 0) & (shown < FULL)]
         # of a large picture all of them at once would fill the memory
         for start in range(0, len(mixed), AT_ONCE):
             some = mixed[start : start + AT_ONCE]
