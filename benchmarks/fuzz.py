@@ -44,8 +44,8 @@ FORBIDDEN = re.compile(
     r"MUJOCO_LOG|Exception ignored|Segmentation fault|core dumped|_ArrayMemoryError"
 )
 """What no part of the program means to print."""
-UNFINISHED = "out/unfinished/"
-"""Where the files of a run that was stopped are."""
+REMAINS = ("out/unfinished", "out/.")
+"""Where the files of a run that was stopped are, and what marks a folder that is written to."""
 LONG = 300
 """Characters of a message, at most."""
 
@@ -411,7 +411,7 @@ def judged(case: Case, code: int | None, said: str) -> Iterator[tuple[str, str]]
         yield "traceback" if odd[0] == "Traceback" else "noise", line[:150]
     # a refusal is one line of its own
     for line in said.splitlines():
-        if line.startswith("monodyn: ") and len(line) > LONG:
+        if line.startswith("monodyn: ") and len(line.removeprefix("monodyn: ")) > LONG:
             yield "long message", line[:150]
 
 
@@ -444,12 +444,19 @@ def lost(case: Case, before: dict[str, str], folder: Path) -> Iterator[tuple[str
     for name in after:
         if name not in before and name.startswith("work/") and "--out" in case.words:
             yield "lost or mixed", f"{name} was left in the working folder"
-    old = {name: digest for name, digest in before.items() if name.startswith("out/")}
-    new = {name: digest for name, digest in after.items() if name.startswith("out/")}
+    old, new = (
+        {name: digest for name, digest in files.items() if name.startswith("out/") and not _remains(name)}
+        for files in (before, after)
+    )
     if old and old != new:
         problem = mixed(folder / "out", old, new)
         if problem:
             yield "lost or mixed", problem
+
+
+def _remains(name: str) -> bool:
+    """Return whether a file is what a run that was stopped leaves beside the results."""
+    return name.startswith(REMAINS)
 
 
 def mixed(out: Path, old: dict[str, str], new: dict[str, str]) -> str:
@@ -469,8 +476,7 @@ def mixed(out: Path, old: dict[str, str], new: dict[str, str]) -> str:
     except ValueError:
         return "run.json cannot be read"
     listed = {f"out/{name}" for name in document.get("files", [])}
-    # a run that was stopped leaves what it had beside the old one, in a folder of that name
-    strange = sorted(name for name in set(new) - listed if not name.startswith(("out/run.json", UNFINISHED)))
+    strange = sorted(set(new) - listed - {"out/run.json"})
     if strange:
         return f"{strange[0]} is not of the run that run.json tells of"
     missing = sorted(listed - set(new))

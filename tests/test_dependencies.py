@@ -23,6 +23,9 @@ EXTRAS = {
     "scipy": ("control", "paper"),
     "control": ("control",),
     "h5py": ("hdf5",),
+    "matplotlib": ("plots",),
+    "pandas": ("tables",),
+    "xarray": ("tables",),
     "waitress": ("live",),
 }
 """What only extras need."""

@@ -139,7 +139,7 @@ def test_pictures_are_put_in_place_as_by_opencv(at: Homography) -> None:
     plane = cv2.GaussianBlur(np.random.default_rng(3).integers(0, 256, (160, 240), np.uint8), (0, 0), 1.0)
     ours = np.zeros(plane.shape, np.uint8)
     shown_in_place(plane + np.uint8(1), at, ours)
-    # as floats, which OpenCV interpolates without rounding
+    # as floats, which OpenCV interpolates without rounding; before its version 5 to 1/32 of a pixel
     grey = plane.astype(np.float32) + 1.0
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     theirs = cv2.warpPerspective(grey, at.matrix, SIZE, flags=flags, borderMode=cv2.BORDER_CONSTANT)
@@ -148,8 +148,10 @@ def test_pictures_are_put_in_place_as_by_opencv(at: Homography) -> None:
     assert np.mean(ours[whole] > 0) > 0.98
     both = whole & (ours > 0)
     off = np.abs(ours[both] - theirs[both])
-    assert off.max() < 1.0
-    assert np.sqrt(np.mean(off**2)) < 0.32  # of rounding to whole levels
+    # the second is of rounding to whole levels
+    most, usual = (1.0, 0.32) if int(cv2.__version__.partition(".")[0]) >= 5 else (2.0, 0.36)
+    assert off.max() < most
+    assert np.sqrt(np.mean(off**2)) < usual
 
 
 def test_what_is_not_shown_stays() -> None:
