@@ -137,8 +137,9 @@ def opened(address: str, **how: Any) -> Any:
     import av
 
     # from 19 on av takes texts as they come, and has no word for it
-    before_19 = int(av.__version__.partition(".")[0]) < 19
-    return av.open(address, **how, **({"metadata_errors": "ignore"} if before_19 else {}))
+    if int(av.__version__.partition(".")[0]) < 19:
+        how["metadata_errors"] = "ignore"
+    return av.open(address, **how)
 
 
 def open_stream(path: Path) -> tuple[Any, Any]:
