@@ -96,8 +96,9 @@ class Tried:
 
     @property
     def unexplained(self) -> float:
-        """The mismatch over the share of the key frames in which it lies on its mask."""
-        return self.mismatch * self.frames / max(self.lies, 1)
+        """The mismatch over the share of the key frames in which it lies on its mask; all without a frame."""
+        # endless times no frames would be no number, which has no place in an order
+        return np.inf if not self.frames else self.mismatch * self.frames / max(self.lies, 1)
 
     @property
     def charged(self) -> float:
