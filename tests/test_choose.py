@@ -50,9 +50,7 @@ def test_frames_in_which_it_does_not_lie_on_its_mask_count_against_it() -> None:
 
 
 def test_what_was_not_located_is_not_left() -> None:
-    not_located = Tried("single", load("single"), refusal="No.")
-    assert left(not_located, tried("double", 0.2)) == ["double"]
-    assert not_located.charged == np.inf
+    assert left(Tried("single", load("single"), refusal="No."), tried("double", 0.2)) == ["double"]
 
 
 def test_the_grade_decides_before_the_prediction_and_the_prediction_before_the_parts() -> None:

@@ -96,9 +96,8 @@ class Tried:
 
     @property
     def unexplained(self) -> float:
-        """The mismatch over the share of the key frames in which it lies on its mask; all without a frame."""
-        # endless times no frames would be no number, which has no place in an order
-        return np.inf if not self.frames else self.mismatch * self.frames / max(self.lies, 1)
+        """The mismatch over the share of the key frames in which it lies on its mask."""
+        return self.mismatch * self.frames / max(self.lies, 1)
 
     @property
     def charged(self) -> float:
@@ -330,7 +329,9 @@ def compared(tried: Sequence[Tried], best: Tried) -> tuple[Compared, ...]:
         tried: All that were tried.
         best: The chosen one.
     """
-    others = sorted((one for one in tried if one is not best), key=lambda one: one.charged)
+    others = [one for one in tried if one is not best]
+    # what was not located leaves no number, which has no place in an order
+    others.sort(key=lambda one: (one.scene is None, one.charged if one.scene else 0.0))
     return tuple(
         Compared(
             model=one.model,
