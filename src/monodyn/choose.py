@@ -331,7 +331,7 @@ def compared(tried: Sequence[Tried], best: Tried) -> tuple[Compared, ...]:
     """
     others = [one for one in tried if one is not best]
     # what was not located leaves no number, which has no place in an order
-    others.sort(key=lambda one: (one.scene is None, one.charged if one.scene else 0.0))
+    others.sort(key=lambda one: (one.scene is None, 0.0 if one.scene is None else one.charged))
     return tuple(
         Compared(
             model=one.model,
