@@ -329,7 +329,9 @@ def compared(tried: Sequence[Tried], best: Tried) -> tuple[Compared, ...]:
         tried: All that were tried.
         best: The chosen one.
     """
-    others = sorted((one for one in tried if one is not best), key=lambda one: one.charged)
+    others = [one for one in tried if one is not best]
+    # what was not located leaves no number, which has no place in an order
+    others.sort(key=lambda one: (one.scene is None, 0.0 if one.scene is None else one.charged))
     return tuple(
         Compared(
             model=one.model,
