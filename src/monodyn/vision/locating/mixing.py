@@ -75,12 +75,12 @@ def lit_sizes(
     colours = _colours(masks.planes, pictures)
     at = np.asarray(rows, dtype=np.int64)
 
-    def lit(row: int) -> np.ndarray:
+    def lit_at(row: int) -> np.ndarray:
         q = bundle.positions[at[row]]
         near = covered_pixels(bundle.mechanism, bundle.camera, q, margin=NEAR_PX)
         return lit_planes(masks.planes[row], colours, ground, near)
 
-    decoded = replace(masks, planes=on_all_cores(lit, range(len(at))))
+    decoded = replace(masks, planes=on_all_cores(lit_at, range(len(at))))
     guess = SceneGuess(bundle.mechanism, bundle.camera, bundle.positions[at], bundle.rms_px[at])
     coded, lit = (refine(shown, guess, bundle.variables, SEARCH) for shown in (masks, decoded))
     before, after = (bundle.variables.read(found.mechanism, found.camera) for found in (coded, lit))
