@@ -68,7 +68,7 @@ def give_back_large() -> None:
 
     The allocator of Linux puts what it has seen let go once among what is small, in a heap for each thread,
     and there the gaps that temporary arrays leave stay: a quarter as much memory again for pictures in 4K.
-    Other systems do not do so. It serves best before much has been loaded.
+    Other systems do not do so.
     """
     # an allocator without this function is not the one in question
     system = ctypes.CDLL(None) if sys.platform == "linux" else None

@@ -143,9 +143,6 @@ def _dispatch(words: list[str]) -> int:
     note = keep_compiled()
     if note and "--quiet" not in words:
         _fail(note)
-    from monodyn.cores import give_back_large
-
-    give_back_large()
     from monodyn.cli.options import COMMANDS, CompletionOptions
     from monodyn.cli.parse import parsed
     from monodyn.names import known
