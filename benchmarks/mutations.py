@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -108,6 +109,7 @@ def frames_of(good: Path) -> list[np.ndarray]:
 def _coded(rng: np.random.Generator, good: Path, folder: Path) -> Path:
     """Code the clip again, in other ways than cameras do or as some do."""
     import av
+    import av.error
     import cv2
 
     pictures = frames_of(good)
@@ -128,8 +130,10 @@ def _coded(rng: np.random.Generator, good: Path, folder: Path) -> Path:
         form = str(rng.choice(["yuv444p", "yuv422p", "yuvj420p", "gray"]))
     elif kind == "grey":
         pictures = [np.repeat(p.mean(axis=2, keepdims=True), 3, axis=2).astype(np.uint8) for p in pictures]
-    path = folder / name
-    with av.open(str(path), "w") as container:
+    path = folder / ("clip.mkv" if kind == "stamps" else name)
+    name = path.name
+    # a coder that cannot leaves a file that was begun
+    with suppress(av.error.FFmpegError), av.open(str(path), "w") as container:
         # a lossless coder takes every size and format
         stream: Any = container.add_stream("ffv1" if name.endswith(("mkv", "avi")) else "mpeg4", rate=rate)
         height, width = pictures[0].shape[:2]
