@@ -37,6 +37,8 @@ CORRELATED = 4.0
 """Accelerations of smoothed motion share their neighbours' samples: this many count as one."""
 SCANNED_TERMS = tuple(range(1, USUAL_TERMS + 1))
 """Harmonics that the scan tries when their number is open."""
+MOST_PAUSES = 10.0
+"""Length of a record over what its rows cover at their usual pace, up to which its pauses count."""
 LONGEST_SPAN = 4.0
 """Periods up to this many times the record are compared with the best one that it shows more than once."""
 MARGIN = 10.0
@@ -191,7 +193,10 @@ class _Scan:
         response = torque_response(problem, x, motion) * motion.weight[:, :, None]
         self.frames, self.dofs, _ = response.shape
         self.clock = motion.time * problem.stretch(x)
-        self.span, self.pace = float(np.ptp(self.clock)), float(np.median(np.diff(np.unique(self.clock))))
+        steps = np.diff(np.unique(self.clock))
+        self.pace = float(np.median(steps))
+        # across a pause so long no phase is known: the scan need not be as fine as that asks for
+        self.span = min(float(np.sum(steps)), MOST_PAUSES * self.pace * len(steps))
         self.response, self.count, self.prior = response, len(x), len(rows) - motion.weight.size
         # what the other unknowns can explain is taken out of both rows and columns (variable projection), so
         # that the series is fitted as if they had moved to their best for every period
