@@ -15,6 +15,8 @@ from typing import Any
 
 import numpy as np
 
+Change = Callable[[np.random.Generator, str], str]
+"""Does something to a text."""
 ODD_NUMBERS = (
     "nan", "inf", "-inf", "1e300", "-1e300", "1e-300", "0", "-0", "-1", "1e20", "0.1.2", "1,5", "abc", "",
     "٣", "0x10", "1e999", "99999999999999999999", "½", "--", "None",
@@ -212,12 +214,17 @@ def model(rng: np.random.Generator, good: str, folder: Path) -> Path:
         good: Text of a good one.
         folder: Where it goes.
     """
-    text = good
-    for _ in range(int(rng.integers(1, 4))):
-        text = _CHANGES[int(rng.integers(len(_CHANGES)))](rng, text)
+    text = _changed(rng, good, _CHANGES, 3)
     path = folder / f"model{rng.choice(['.xml', '.urdf', ''])}"
     coding = str(rng.choice(["utf-8", "utf-16", "latin-1"], p=[0.9, 0.05, 0.05]))
     return _written(path, text.encode(coding, errors="replace"))
+
+
+def _changed(rng: np.random.Generator, text: str, changes: Sequence[Change], most: int) -> str:
+    """Return a text to which one to ``most`` of several changes were made."""
+    for _ in range(int(rng.integers(1, most + 1))):
+        text = changes[int(rng.integers(len(changes)))](rng, text)
+    return text
 
 
 def _number(rng: np.random.Generator, text: str) -> str:
@@ -277,7 +284,7 @@ def _bytes(rng: np.random.Generator, text: str) -> str:
     return damaged_bytes(rng, text.encode()).decode("utf-8", errors="replace")
 
 
-_CHANGES: Sequence[Callable[[np.random.Generator, str], str]] = (
+_CHANGES: Sequence[Change] = (
     _number, _number, _number, _line, _word, _attribute, _attribute, _put_in, _bytes,
 )  # fmt: skip
 
@@ -290,9 +297,7 @@ def table(rng: np.random.Generator, good: str, folder: Path) -> Path:
         good: Text of a good one.
         folder: Where it goes.
     """
-    text = good
-    for _ in range(int(rng.integers(1, 3))):
-        text = _TABLES[int(rng.integers(len(_TABLES)))](rng, text)
+    text = _changed(rng, good, _TABLES, 2)
     coding = str(rng.choice(["utf-8", "utf-8-sig", "utf-16", "latin-1"], p=[0.8, 0.08, 0.06, 0.06]))
     return _written(
         folder / f"poses{rng.choice(['.csv', '.txt', ''])}", text.encode(coding, errors="replace")
@@ -376,7 +381,7 @@ def _written_otherwise(rng: np.random.Generator, text: str) -> str:
     return text.replace(*changes[kind], 1 if kind == "comment" else -1)
 
 
-_TABLES: Sequence[Callable[[np.random.Generator, str], str]] = (
+_TABLES: Sequence[Change] = (
     _cell,
     _cell,
     _columns,

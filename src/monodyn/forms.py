@@ -13,11 +13,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import NoneType
-from typing import Any, Literal, get_args, get_origin
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from monodyn.choices import Tolerance, check_choice
 from monodyn.errors import SettingsError
 
+Value = TypeVar("Value")
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 """A number without a sign, as a regular expression."""
 
@@ -207,15 +208,8 @@ def values(option: str, given: Sequence[str]) -> dict[str, float]:
     Raises:
         SettingsError: a word is not a name and a number, or a name comes twice.
     """
-    found: dict[str, float] = {}
-    for word, name, text in _assigned(option, given):
-        try:
-            found[name] = float(text)
-        except ValueError:
-            raise SettingsError(
-                f"{option}: expected NAME=VALUE with a number, got '{word}'; e.g. gravity=9.81."
-            ) from None
-    return found
+    said = "NAME=VALUE with a number", "gravity=9.81"
+    return _read_each(option, given, float, said)
 
 
 def intervals(option: str, given: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -228,16 +222,8 @@ def intervals(option: str, given: Sequence[str]) -> dict[str, tuple[float, float
     Raises:
         SettingsError: a word is not a name and two numbers, or a name comes twice.
     """
-    found: dict[str, tuple[float, float]] = {}
-    for word, name, text in _assigned(option, given):
-        low, _, high = text.partition(":")
-        try:
-            found[name] = float(low), float(high)
-        except ValueError:
-            raise SettingsError(
-                f"{option}: expected NAME=LOW:HIGH with two numbers, got '{word}'; e.g. link1.length=0.1:0.3."
-            ) from None
-    return found
+    said = "NAME=LOW:HIGH with two numbers", "link1.length=0.1:0.3"
+    return _read_each(option, given, _interval, said)
 
 
 def names(option: str, given: Sequence[str]) -> tuple[str, ...]:
@@ -258,6 +244,25 @@ def paths(option: str, given: Sequence[str]) -> tuple[Path, ...]:
         given: What the user wrote.
     """
     return tuple(Path(name) for name in given)
+
+
+def _interval(text: str) -> tuple[float, float]:
+    low, _, high = text.partition(":")
+    return float(low), float(high)
+
+
+def _read_each(
+    option: str, given: Sequence[str], read: Callable[[str], Value], said: tuple[str, str]
+) -> dict[str, Value]:
+    """Return what is read to the right of each ``=``, by the name to its left; ``said`` is what is expected,
+    and an example."""
+    found: dict[str, Value] = {}
+    for word, name, text in _assigned(option, given):
+        try:
+            found[name] = read(text)
+        except ValueError:
+            raise SettingsError(f"{option}: expected {said[0]}, got '{word}'; e.g. {said[1]}.") from None
+    return found
 
 
 def _assigned(option: str, given: Sequence[str]) -> list[tuple[str, str, str]]:
