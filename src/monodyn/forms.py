@@ -10,7 +10,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import Field, dataclass
 from pathlib import Path
 from types import NoneType
 from typing import Any, Literal, TypeVar, get_args, get_origin
@@ -339,6 +339,15 @@ NOTATIONS: dict[Any, Notation] = {
     tuple[Path, ...]: Notation("FILE", paths, lambda files: [_place(file) for file in files], many=True),
 }  # fmt: skip
 """The notation of each type of setting."""
+
+
+def option_name(setting: Field[Any]) -> str:
+    """Return what a setting is called on the command line and in a settings file, without its stage.
+
+    Args:
+        setting: The field.
+    """
+    return setting.metadata.get("name", setting.name.replace("_", "-"))
 
 
 def notation(kind: Any) -> Notation:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import Field, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any, get_args
@@ -60,15 +60,6 @@ UNUSED: dict[str, tuple[str, ...]] = {
     "identify": _OF_CLIP,
 }  # fmt: skip
 """Settings that a command has no use for, by command."""
-
-
-def option_name(setting: Field[Any]) -> str:
-    """Return what a setting is called on the command line and in a settings file, without its stage.
-
-    Args:
-        setting: The field.
-    """
-    return setting.metadata.get("name", setting.name.replace("_", "-"))
 
 
 @contextmanager

@@ -86,6 +86,23 @@ def test_what_is_printed_goes_with_the_exit_code(
         assert document["out"] is None
 
 
+def test_the_settings_file_of_a_controller_designs_it_again(tmp_path: Path) -> None:
+    _, fit = identified("cartpole")
+    monodyn.report(fit, to=tmp_path / "run")
+    first, second = tmp_path / "first", tmp_path / "second"
+    words = (
+        "--at", "joint1=1.5708", "--actuated", "slide", "--start", "joint1=1.5", "--rate", 150,
+        "--allowed", "effort=1,length=0.05", "--draws", 5, "--seed", 3,
+        "--no-film",
+    )  # fmt: skip
+    done = command("control", tmp_path / "run", *words, "--out", first)
+    again = command("control", "--config", first / "run.toml", "--out", second)
+    assert (done.code, done.err, again.code) == (0, "", 0), again.err
+    assert (second / "run.toml").read_text() == (first / "run.toml").read_text()
+    assert (second / "control.json").read_bytes() == (first / "control.json").read_bytes()
+    assert not (second / "control.mp4").exists()
+
+
 def test_a_weight_of_another_name_is_refused() -> None:
     done = command("control", "run", "--at", "joint1=1", "--actuated", "slide", "--allowed", "torque=1")
     assert (done.code, done.out) == (2, "")

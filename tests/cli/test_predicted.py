@@ -50,6 +50,19 @@ def test_json_alone_is_printed_and_commas_may_stand_between_joints(run):
     assert document["out"] is None
 
 
+def test_the_settings_file_of_a_prediction_does_it_again(run, tmp_path):
+    words = (
+        "--from", "joint1=0.1", "--rates", "joint1=0.3", "--at", 1, "--until", 2,
+        "--fix", "gravity=1.62", "--tolerance", "3deg,1cm",
+    )  # fmt: skip
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert command("predict", run, *words, "--out", first).code == 0
+    assert command("predict", "--config", first / "run.toml", "--out", second).code == 0
+    assert (second / "run.toml").read_text() == (first / "run.toml").read_text()
+    assert (second / "prediction.csv").read_bytes() == (first / "prediction.csv").read_bytes()
+    assert (second / "prediction.json").read_bytes() == (first / "prediction.json").read_bytes()
+
+
 def test_what_is_missing_is_named(run, tmp_path):
     for words, code, message in [
         (("--film",), 2, "monodyn: film: expected a folder for it, got none; name one with --out."),

@@ -50,7 +50,7 @@ def test_a_client_balances_the_model_with_the_numbers_of_the_files(run: Path, tm
     )
     assert (done.code, done.out, done.err) == (0, "", "")
     assert sorted(path.name for path in (tmp_path / "c").iterdir()) == [
-        "control.html", "control.json", "control.mp4", "model.xml",
+        "control.html", "control.json", "control.mp4", "model.xml", "run.toml",
     ]  # fmt: skip
     document = json.loads((tmp_path / "c" / "control.json").read_text())
     body = mujoco.MjModel.from_xml_path(str(tmp_path / "c" / "model.xml"))

@@ -197,7 +197,7 @@ def test_a_film_that_is_interrupted_leaves_the_folder_as_it_was(run, tmp_path, m
         predict_run(run, tmp_path / "old", Wanted({"joint1": 0.5}), film=True, force=True)
     assert (before / "prediction.csv").read_text() == text
     assert sorted(path.name for path in before.iterdir()) == [
-        "prediction.csv", "prediction.html", "prediction.json",
+        "prediction.csv", "prediction.html", "prediction.json", "run.toml",
     ]  # fmt: skip
 
 

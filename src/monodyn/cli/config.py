@@ -118,7 +118,7 @@ def _placed(option: Option, word: str, path: Path) -> str:
         raise SettingsError(f"config '{path}': {option.name}: expected a name, got an empty one; give one.")
     # a text may stand for something else than a file
     if option.form is notation(str):
-        from monodyn.settings_file import is_no_file
+        from monodyn.results.again import is_no_file
 
         if is_no_file(word):
             return word

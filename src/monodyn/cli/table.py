@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from monodyn.cli.options import COMMANDS, FileOptions
-from monodyn.forms import Notation, notation
+from monodyn.forms import Notation, notation, option_name
 from monodyn.live.settings import LiveSettings
-from monodyn.settings import SHARED, UNUSED, RunSettings, option_name, settings_classes
+from monodyn.settings import SHARED, UNUSED, RunSettings, settings_classes
 
 SHORT = ("pace", "ahead")
 """Settings of a stream that have a short name, too: ``--pace`` for ``--live.pace``."""

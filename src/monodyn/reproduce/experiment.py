@@ -31,6 +31,7 @@ from monodyn.reproduce.truth import Truth
 from monodyn.reproduce.units import units_of
 from monodyn.reproduce.vision import BOTH_METHODS, TITLES
 from monodyn.reproduce.vision_figures import filtered_states, history_figure, starts_figure, states_figure
+from monodyn.results.again import FILE, again_text
 from monodyn.results.export import json_text
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.log import versions
@@ -38,7 +39,9 @@ from monodyn.typed import check_fields
 from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read
 
-EXPERIMENT_FILES = ("clip.mp4", "truth.json", "start.xml", "table.csv", "reproduce.json", "reproduce.html")
+EXPERIMENT_FILES = (
+    "clip.mp4", "truth.json", "start.xml", "table.csv", "reproduce.json", "reproduce.html", FILE,
+)  # fmt: skip
 """Names of the files of an experiment."""
 EXPERIMENT = FolderKind("experiment", EXPERIMENT_FILES, whole=True)
 MOST_SEEDS = 20
@@ -111,8 +114,8 @@ def reproduce(
 ) -> Experiment:
     """Repeat the experiment of the 2012 paper with the published and with the default method.
 
-    Writes ``reproduce.html``, ``reproduce.json`` and ``table.csv``; where the clip is made also ``clip.mp4``,
-    ``truth.json`` and ``start.xml``, the mechanism file that the methods are given.
+    Writes ``reproduce.html``, ``reproduce.json``, ``table.csv`` and ``run.toml``; where the clip is made
+    also ``clip.mp4``, ``truth.json`` and ``start.xml``, the mechanism file that the methods are given.
 
     Args:
         out: The folder.
@@ -143,8 +146,19 @@ def reproduce(
         found = _repeated(made, settings, progress)
         judged = claims([repetition.evidence for repetition in found])
         whole = Experiment(folder.path, found, judged, time.perf_counter() - began, folder.notes)
+        _write_again(folder, settings, given)
         _write(folder, whole, settings)
     return whole
+
+
+def _write_again(folder: RunFolder, settings: ReproduceSettings, given: GivenClip | None) -> None:
+    """Write ``run.toml``, unless a program chose what the command has no options for."""
+    seed = settings.clip.seed
+    if (settings.clip, settings.design) != (ClipSettings(seed=seed), Design(seed=seed)):
+        return
+    files = {} if given is None else {"clip": given.clip, "model": given.model, "truth": given.truth}
+    counted = {"seeds": settings.seeds} if given is None else {}
+    folder.write_text(FILE, again_text("reproduce", {**files, "seed": seed, **counted}))
 
 
 Made = tuple[Path, str | Path, ClipSettings | None, Truth | None]

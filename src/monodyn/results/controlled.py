@@ -13,6 +13,7 @@ from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
 from monodyn.numbers import shown_in
+from monodyn.results.again import FILE, again_text
 from monodyn.results.caveats import draws_said, seldom, turned, undrawn
 from monodyn.results.closed import ClosedLoop, closed_loop
 from monodyn.results.curves import loop_curves
@@ -29,7 +30,9 @@ from monodyn.results.sequel import Sequel, Table, notes_of, sequel_text
 from monodyn.results.swing import SwingUp, swing_up
 from monodyn.types import Progress
 
-CONTROL = FolderKind("controller", ("control.json", "control.html", "control.mp4", "model.xml"), whole=True)
+CONTROL = FolderKind(
+    "controller", ("control.json", "control.html", "control.mp4", "model.xml", FILE), whole=True
+)
 BALANCING = 10.0
 """How long a balance is simulated, also after a swing [s]."""
 LAW = (
@@ -242,6 +245,7 @@ def control_run(
         found = replace(control(fit, aim), remains=tuple(folder.notes))
         folder.write_text("control.json", json_text(found.document))
         write_controlled(folder, fit, found.regulator.actuated, found.loop, found.held)
+        folder.write_text(FILE, again_text("control", {"run": run, "film": film}, aim))
         files = [*folder.written, *(["control.mp4"] if film else [])]
         folder.write_text("control.html", sequel_text(_page(found, Path(run)), files, Path(run), folder.path))
         if film:

@@ -18,6 +18,7 @@ from monodyn.mechanism.dimensions import MASS_KINDS
 from monodyn.mechanism.steps import spacing
 from monodyn.mechanism.tree import INERTIA, MASS
 from monodyn.numbers import shown_in
+from monodyn.results.again import FILE, again_text
 from monodyn.results.curves import BAND, state_curves
 from monodyn.results.export import json_text, motion_table
 from monodyn.results.fill import States, fill
@@ -34,7 +35,7 @@ from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read
 
 PREDICTION = FolderKind(
-    "prediction", ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4"), whole=True
+    "prediction", ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4", FILE), whole=True
 )
 
 
@@ -56,7 +57,7 @@ class Wanted:
         tolerance: How far off a prediction may be; how long it stays within is said.
     """
 
-    positions: Mapping[str, float] | None = None
+    positions: Mapping[str, float] | None = field(default=None, metadata={"name": "from"})
     rates: Mapping[str, float] = field(default_factory=dict)
     at: float | None = None
     until: float | None = None
@@ -165,6 +166,7 @@ def predict_run(
     found = replace(found, notes=(*found.notes, *folder.notes))
     with folder.filling():
         _write(folder, found, wanted, Path(run), background, progress)
+        folder.write_text(FILE, again_text("predict", {"run": run, "film": film, "clip": clip}, wanted))
     return replace(found, folder=folder.path)
 
 
@@ -260,7 +262,7 @@ def _write(
     table = motion_table(names, [(range(len(states.time)), states)])
     folder.write_text("prediction.csv", table)
     folder.write_text("prediction.json", json_text(found.document))
-    files = [*folder.written, *(["prediction.mp4"] if background is not None else [])]
+    files = [*folder.written, FILE, *(["prediction.mp4"] if background is not None else [])]
     folder.write_text("prediction.html", sequel_text(_page(found, wanted, run), files, run, folder.path))
     if background is not None:
         folder.write("prediction.mp4", lambda path: _film(path, found, run, background, progress))
