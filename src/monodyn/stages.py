@@ -29,7 +29,7 @@ from monodyn.vision.drawing.camera import CAMERA_STD, PARAMETERS, check_value, c
 from monodyn.vision.drawing.outline import check_told_apart
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.foreground.soft import soft_masks
-from monodyn.vision.locating.locate import Sought, find_scene
+from monodyn.vision.locating.locate import STEPS, Sought, find_scene
 from monodyn.vision.locating.parallax import find_past_parallax
 from monodyn.vision.locating.region import find_in_region
 from monodyn.vision.locating.scene import Scene
@@ -74,15 +74,15 @@ def _pose_before(sought: Sought) -> Scene:
         from monodyn.paper.settings import PaperLocateSettings, published
 
     def report(step: str, done: int, total: int | None) -> None:
-        sought.progress(step, done, 5)
+        sought.progress(step, done, STEPS + 1)
 
     settings = published(sought.settings, PaperLocateSettings)
     scene = pose_before(
         _locate_default(_squarely(replace(sought, progress=report))), sought.fix,
         level=settings.level, framework=settings.framework,
     )  # fmt: skip
-    # the default search counts four steps, the published one is the fifth
-    sought.progress("locate", 5, 5)
+    # the published search is one step more
+    sought.progress("locate", STEPS + 1, STEPS + 1)
     return scene
 
 

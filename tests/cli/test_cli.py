@@ -13,6 +13,7 @@ import pytest
 
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.results.folder import DRAWN, FILES
+from monodyn.vision.locating.locate import STEPS
 from support import DEMO, ClipMaker, Done, command
 
 CLIP, MODEL = DEMO / "double.mp4", DEMO / "double.xml"
@@ -588,6 +589,7 @@ def test_warm_goes_through_a_run_and_a_stream_and_leaves_nothing(
     )
     steps = {line.split(":")[0] for line in done.err.splitlines()}
     assert {"background", "locate", "track", "identify", "overlay", "live"} <= steps
+    assert any(line.startswith(f"locate: {STEPS} of {STEPS}") for line in done.err.splitlines())
     assert not list(tmp_path.iterdir())
 
 

@@ -12,7 +12,7 @@ from monodyn.errors import SettingsError
 from monodyn.mechanism import load
 from monodyn.results.closed import closed_loop
 from monodyn.results.regulator import lqr
-from monodyn.results.swing import SwingUp, hanging, swing_up
+from monodyn.results.swing import GUESSES, SwingUp, hanging, swing_up
 from support import refuses
 
 
@@ -110,8 +110,13 @@ def test_no_way_is_refused() -> None:
         "swing_up: expected a way up within the torques slide=0.001, but found none in 0.25 s at 200 "
         "measurements a second; give larger limits, more room, or another time."
     )
+    told: list[tuple[str, int, int | None]] = []
     with refuses(SettingsError, said):
-        swing_up(fit, regulated("cartpole"), limit={"slide": 1e-3}, seconds=0.25, draws=0)
+        swing_up(
+            fit, regulated("cartpole"), limit={"slide": 1e-3}, seconds=0.25, draws=0,
+            progress=lambda *step: told.append(step),
+        )  # fmt: skip
+    assert told == [("swing", done, GUESSES) for done in range(GUESSES)]
     within = (
         "swing_up: expected a way up within the torques slide=0.001 and the positions slide=-0.001:0.001, "
         "but found none in 0.25 s at 200 measurements a second; give larger limits, more room, or another "

@@ -25,7 +25,7 @@ WIDEST = 10_000
 """Columns of what tables are laid out on."""
 USUAL = 80
 """Columns of a terminal that does not say how many it has."""
-BESIDE = 46
+BESIDE = 48
 """Columns beside a bar: what it is of, how many, how fast and how long still."""
 NARROWEST = BESIDE + 8
 """Columns of a terminal below which progress is written in lines, as where there is none."""
@@ -69,9 +69,18 @@ def drawable(stream: TextIO) -> int:
 
 def _bars(stream: TextIO, width: int) -> Iterator[Progress]:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        SpinnerColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
 
     columns = (
+        # it turns while a step takes long
+        SpinnerColumn(finished_text=" "),
         TextColumn("{task.description:<12}"),
         BarColumn(bar_width=max(1, min(32, width - BESIDE))),
         MofNCompleteColumn(),

@@ -230,19 +230,19 @@ def control_run(
         aim: What it is to do.
         film: Write the film, too.
         force: Replace a controller that is already in ``out``.
-        progress: Called with the frames drawn.
+        progress: Called with the ways up that are looked for, and the frames drawn.
 
     Returns:
         The controller and what it does.
     """
     fit = open_run(run)
     if out is None:
-        return control(fit, aim)
+        return control(fit, aim, progress=progress)
     folder = RunFolder(
         out, force=force, inputs=[Path(run) / "fit.json", Path(run) / "model.xml"], kind=CONTROL
     )
     with folder.filling():
-        found = replace(control(fit, aim), remains=tuple(folder.notes))
+        found = replace(control(fit, aim, progress=progress), remains=tuple(folder.notes))
         folder.write_text("control.json", json_text(found.document))
         write_controlled(folder, fit, found.regulator.actuated, found.loop, found.held)
         folder.write_text(FILE, again_text("control", {"run": run, "film": film}, aim))
@@ -257,12 +257,13 @@ def control_run(
     return replace(found, folder=folder.path)
 
 
-def control(fit: Fit, aim: Aim) -> Controlled:
+def control(fit: Fit, aim: Aim, *, progress: Progress | None = None) -> Controlled:
     """Design a controller for an identified mechanism, and simulate it in MuJoCo.
 
     Args:
         fit: The identified mechanism.
         aim: What it is to do.
+        progress: Called with the ways up that are looked for.
 
     Returns:
         The controller and what it does.
@@ -290,8 +291,9 @@ def control(fit: Fit, aim: Aim) -> Controlled:
         loop = closed_loop(fit.mechanism, regulator, start, seconds=BALANCING)
         return Controlled(aim, fit, regulator, None, loop)
     swing = swing_up(
-        fit, regulator, start=start, limit=aim.limit, within=aim.within, seconds=aim.seconds, seed=aim.seed
-    )
+        fit, regulator, start=start, limit=aim.limit, within=aim.within, seconds=aim.seconds, seed=aim.seed,
+        progress=progress,
+    )  # fmt: skip
     loop = closed_loop(fit.mechanism, swing, swing.start, seconds=swing.seconds + BALANCING)
     return Controlled(aim, fit, regulator, swing, loop)
 

@@ -23,6 +23,7 @@ from monodyn.results.draws import Response, drawn
 from monodyn.results.linear import State, by_joint, motors, state_matrices, without_dry_friction
 from monodyn.results.regulator import FALLEN, Regulator, off
 from monodyn.results.shot import Shot, along, shoot
+from monodyn.types import Progress
 
 PLANNED = 0.8
 """Share of the largest torque that is planned with; the rest is for what goes astray."""
@@ -139,6 +140,7 @@ def swing_up(
     seconds: float | None = None,
     draws: int = 10,
     seed: int = 0,
+    progress: Progress | None = None,
 ) -> SwingUp:
     """Plan a way from rest into the equilibrium of a regulator, and the gains that keep to it.
 
@@ -152,6 +154,7 @@ def swing_up(
         seconds: How long it takes; None tries multiples of the slowest period of the mechanism hanging.
         draws: Mechanisms drawn from the covariance of the parameters on which each way is tried.
         seed: Of guesses and draws.
+        progress: Called with the ways looked for.
 
     Returns:
         The way.
@@ -176,8 +179,10 @@ def swing_up(
     others = drawn(fit, draws, seed=seed, response=Response(regulator.position, rows[0]))
     best: SwingUp | None = None
     found = 0
-    for period in lasting:
+    for tries, period in enumerate(lasting):
         for guess in range(GUESSES):
+            if progress is not None:
+                progress("swing", tries * GUESSES + guess, len(lasting) * GUESSES)
             way = _way(mechanism, regulator, begin, period, most, (lower, upper), seed + guess)
             if way is None:
                 continue

@@ -57,6 +57,8 @@ REFINED = 3
 SAME_SHARE, SAME_LENGTH = 1e-3, 0.02
 """Difference of the shares of the foreground that two guesses leave, and of their lengths as a share, up to
 which they ended in one place."""
+STEPS = 10
+"""Steps that the search reports."""
 MARGIN_PX = 3.0
 """Band around the located mechanism that does not count as background either [px]."""
 FINE = EdgeSearch(np.array([8.0, 7.0, 6.0, 5.0, 5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0]), 3.0)
@@ -86,6 +88,14 @@ class Sought:
     fix: Mapping[str, float]
     free: Sequence[str]
     progress: Progress
+
+    def step(self, done: int) -> None:
+        """Say that so many of the ``STEPS`` of the search are done.
+
+        Args:
+            done: How many.
+        """
+        self.progress("locate", done, STEPS)
 
     @property
     def start_camera(self) -> Camera:
@@ -127,18 +137,21 @@ def find_scene(sought: Sought) -> Scene:
     """
     masks, settings, start = sought.masks, sought.settings, sought.start
     names = refined_names(sought)
-    sought.progress("locate", 0, 4)
+    sought.step(0)
     geoms = len(start.mechanism.shapes.radius)
     frames = key_frames(masks, geoms)
+    sought.step(1)
     guess = _searched(sought, frames, names)
-    sought.progress("locate", 2, 4)
+    sought.step(4)
     # What is known of the mechanism makes the masks better, twice: first their colours, measured inside of
     # the outlines, then the background, taken where the outlines leave it free.
     guess = search_poses(frames, guess.mechanism, guess.camera)
     # of pictures in 4K the whole masks of two sets of key frames would fill the memory
     del frames
     masks = _with_colours(masks, guess)
+    sought.step(5)
     frames = key_frames(masks, geoms)
+    sought.step(6)
     guess = reconsidered(frames, guess, variables_of(guess, start, names), start)
     variables = whole_variables(sought, guess, start, names)
     bundle, rows = refined_whole(frames, guess, variables, FINE, settings.refine_frames)
@@ -150,11 +163,13 @@ def find_scene(sought: Sought) -> Scene:
         guess = SceneGuess(tied.mechanism, tied.camera, tied.positions, np.zeros(len(rows)))
         tied = replace(tied, variables=whole_variables(sought, guess, start, names))
     camera = camera_looks(sought, _whole(frames, rows), tied)
-    sought.progress("locate", 3, 4)
+    sought.step(7)
     poses = _all_poses(frames, camera.bundle)
     del frames
     masks, guess = _with_background(masks, camera.bundle, *poses)
+    sought.step(8)
     frames = key_frames(masks, geoms)
+    sought.step(9)
     variables = without_names(camera.variables, departed)
     guess = replace(guess, mechanism=guess.mechanism.with_following(departed, follow=True))
     better = reconsidered(frames, guess, variables, start)
@@ -171,19 +186,21 @@ def find_scene(sought: Sought) -> Scene:
         bundle, _ = with_departed(_whole(frames, rows), bundle, variables, FINE)
         camera = camera_looks(sought, _whole(frames, rows), bundle)
         bundle = camera.bundle
-    sought.progress("locate", 4, 4)
-    return found_scene(sought, masks, frames.only(rows), bundle, camera)
+    scene = found_scene(sought, masks, frames.only(rows), bundle, camera)
+    sought.step(STEPS)
+    return scene
 
 
 def _searched(sought: Sought, frames: KeyFrames, names: Sequence[str]) -> SceneGuess:
     """Return what explains most of the masks, refined on the reduced pictures."""
     start, count = sought.start, sought.settings.search_frames
     guesses = [_placed(sought, g) for g in search_scene(frames, start, count)]
-    sought.progress("locate", 1, 4)
+    sought.step(2)
     few = frames.only(frames.most_distinct(count))
     refined: list[SceneGuess] = []
     for guess in guesses[:REFINED]:
         refined.append(refined_coarsely(few, guess, start, names))
+        sought.step(3)
         # two starts that end in one place are enough
         if len(refined) == 2 and _alike(*refined):
             break
