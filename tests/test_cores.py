@@ -5,11 +5,12 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 
 import pytest
 
 from monodyn import cores
-from monodyn.cores import on_all_cores
+from monodyn.cores import beside, on_all_cores
 
 
 def test_results_come_in_the_order_of_the_items(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,6 +53,45 @@ def test_no_more_work_at_a_time_than_is_allowed(monkeypatch: pytest.MonkeyPatch)
 
     assert on_all_cores(work, range(9), most=2) == list(range(9))
     assert most[0] <= 2
+
+
+def test_the_block_goes_on_beside_the_work() -> None:
+    both = threading.Barrier(2, timeout=20.0)
+
+    def work(go_on: Callable[[], None]) -> int:
+        both.wait()
+        go_on()
+        return 7
+
+    with beside(work) as result:
+        both.wait()
+        assert result() == 7
+
+
+def test_an_error_of_the_work_is_raised_where_its_result_is_asked_for() -> None:
+    with pytest.raises(ZeroDivisionError), beside(lambda go_on: 1 // 0) as result:
+        result()
+
+
+def test_work_ends_where_its_block_is_left() -> None:
+    begun, ended = threading.Event(), threading.Event()
+
+    def work(go_on: Callable[[], None]) -> None:
+        begun.set()
+        try:
+            while True:
+                go_on()
+        finally:
+            ended.set()
+
+    def leave() -> None:
+        with beside(work):
+            assert begun.wait(20.0)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        leave()
+    assert ended.is_set()
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the allocator of Linux")

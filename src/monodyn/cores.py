@@ -1,4 +1,4 @@
-"""What a process has of its machine: work on all cores, and memory that is given back.
+"""What a process has of its machine: work on all cores, or beside other work, and memory that is given back.
 
 Kernels leave the interpreter to other threads.
 """
@@ -9,8 +9,9 @@ import ctypes
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import cache
 from typing import TypeVar
 
@@ -49,6 +50,31 @@ def on_all_cores(
         parts = (rest[first : first + most] for first in range(0, len(rest), most))
         return [found for part in parts for found in threads.map(function, part)]
     return list(_threads(os.getpid(), _cores()).map(function, items))
+
+
+@contextmanager
+def beside(work: Callable[[Callable[[], None]], Result]) -> Iterator[Callable[[], Result]]:
+    """Do something on a thread of its own while the block goes on.
+
+    Args:
+        work: What is done. It is given a function to call now and then: once the block was left early, as by
+            Ctrl-C, this raises, and so ends the work.
+
+    Yields:
+        A function that waits for the end of the work and returns what came of it, or raises what it raised.
+    """
+    left = threading.Event()
+
+    def go_on() -> None:
+        if left.is_set():
+            raise CancelledError
+
+    with ThreadPoolExecutor(1, thread_name_prefix="monodyn-beside") as thread:
+        job = thread.submit(work, go_on)
+        try:
+            yield job.result
+        finally:
+            left.set()
 
 
 @cache

@@ -20,7 +20,7 @@ from monodyn.results.curves import camera_curves, motion_curves, torque_curves
 from monodyn.results.findings import Findings, frames_of, listed_rows, openness
 from monodyn.results.gaps import how_filled
 from monodyn.results.horizon import Horizon, allowed, horizon_said, lasts
-from monodyn.results.next_steps import next_steps
+from monodyn.results.next_steps import Step, next_steps
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -77,6 +77,7 @@ def page_text(
     pictures: Sequence[tuple[bytes, str]] = (),
     diagnosis: bytes | None = None,
     files: Sequence[str] = (),
+    steps: Sequence[Step] | None = None,
 ) -> str:
     """Return the report as HTML text.
 
@@ -85,6 +86,7 @@ def page_text(
         pictures: JPEG files with a caption each.
         diagnosis: What was seen of the clip, a JPEG file; None leaves it out.
         files: Names of the files that stand next to the page.
+        steps: What one can do next, from ``next_steps``; None works it out.
     """
     from markupsafe import Markup
 
@@ -128,7 +130,7 @@ def page_text(
             for c in fit.combinations
         ],
         horizons=[_trusted(findings, number, found) for number, found in enumerate(findings.horizons)],
-        steps=next_steps(findings),
+        steps=next_steps(findings) if steps is None else steps,
         files=files,
         cards=_cards(findings),
         plotly=Markup(plotting_script() if plots or camera else ""),

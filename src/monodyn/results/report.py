@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from monodyn.cores import beside
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism.urdf import NOT_IN_URDF
 from monodyn.results.diagnosis import jpeg, write_diagnosis
@@ -25,6 +27,7 @@ from monodyn.results.gaps import unfollowed
 from monodyn.results.heldout import excluded, excluded_note
 from monodyn.results.intact import digest, sealed
 from monodyn.results.models import write_models
+from monodyn.results.next_steps import next_steps
 from monodyn.results.page import page_text
 from monodyn.results.torques import torque_course
 from monodyn.types import Progress
@@ -39,7 +42,7 @@ NOT_IN_MUJOCO = (".air", ".lead")
 def write_results(
     folder: RunFolder, findings: Findings, *, progress: Progress | None = None
 ) -> dict[str, Any]:
-    """Write all files that follow from a fit, the ones that cost least first.
+    """Write all files that follow from a fit; the film, which takes longest, beside the others.
 
     Where nothing was identified the tables hold their header alone and the overlay what was tracked.
 
@@ -63,28 +66,52 @@ def write_results(
     filmed = findings.filmed
     if filmed is not None and filmed.camera_path is not None:
         folder.write_text("camera.csv", camera_table(filmed.video.times, filmed.camera_path))
+    if filmed is not None and filmed.sight is not None and findings.frames is not None:
+        filmed.sight.fit_frames = (findings.frames[0], findings.frames[1])
+    with beside(partial(_filmed, folder, findings, progress)) as pictures:
+        document = _write_documents(folder, findings)
+        shown, steps = _write_diagnosis(folder, findings), next_steps(findings)
+        stills = pictures()
+    # what is written after the page is in the folder, too, when it is read
+    log = findings.log
+    logs = [] if log is None else [*(["run.toml"] if log.again else []), "run.json"]
+    page = page_text(findings, stills, shown, [*folder.written, *logs], steps)
+    folder.write_text("report.html", page)
+    return document
+
+
+def _filmed(
+    folder: RunFolder, findings: Findings, progress: Progress | None, go_on: Callable[[], None]
+) -> list[tuple[bytes, str]]:
+    """Write the film of a clip; return a few of its pictures for the report."""
+    filmed = findings.filmed
+    if filmed is None or not (filmed.sight is None or filmed.sight.filmed):
+        return []
+
+    def drawn(step: str, done: int, total: int | None) -> None:
+        go_on()
+        if progress is not None:
+            progress(step, done, total)
+
+    # without a motion to draw no frame is a fitted one
+    frames, motion = findings.frames or (0, 0), next(iter(findings.motions), None)
+    return write_film(folder, findings.fit, filmed, frames, drawn, motion)
+
+
+def _write_documents(folder: RunFolder, findings: Findings) -> dict[str, Any]:
+    """Write the models, what was identified and the tables; return the content of ``fit.json``."""
+    fit, traces = findings.fit, findings.traces
     write_models(folder, findings)
     # so that a file that was changed by hand is told from the one that was written
     document = sealed({**fit_document(findings), "model_sha256": digest(folder.stage / "model.xml")})
     folder.write_text("fit.json", json_text(document))
     joints = [joint.name for joint in fit.mechanism.joints]
-    moved = [replace(trace, states=motion) for trace, motion in zip(traces, motions, strict=True)]
+    moved = [replace(one, states=motion) for one, motion in zip(traces, findings.motions, strict=True)]
     folder.write_text("states.csv", states_table(joints, moved))
     folder.write_text("prediction.csv", prediction_table(joints, traces))
     if any(trace.torques is not None for trace in traces):
         courses = [torque_course(fit, trace.all_times, record=k) for k, trace in enumerate(traces)]
         folder.write_text("torques.csv", torque_table(joints, traces, courses))
-    pictures, shown = [], None
-    if findings.filmed is not None:
-        if findings.filmed.sight is None or findings.filmed.sight.filmed:
-            # without a motion to draw no frame is a fitted one
-            frames, motion = findings.frames or (0, 0), next(iter(motions), None)
-            pictures = write_film(folder, fit, findings.filmed, frames, progress, motion)
-        shown = _write_diagnosis(folder, findings)
-    # what is written after the page is in the folder, too, when it is read
-    log = findings.log
-    logs = [] if log is None else [*(["run.toml"] if log.again else []), "run.json"]
-    folder.write_text("report.html", page_text(findings, pictures, shown, [*folder.written, *logs]))
     return document
 
 
@@ -102,8 +129,6 @@ def _write_diagnosis(folder: RunFolder, findings: Findings) -> bytes | None:
     sight = None if findings.filmed is None else findings.filmed.sight
     if sight is None:
         return None
-    if findings.frames is not None:
-        sight.fit_frames = (findings.frames[0], findings.frames[1])
     page = write_diagnosis(folder, sight)
     return None if page is None or findings.fit.ok else jpeg(page)
 

@@ -186,9 +186,8 @@ def find_scene(sought: Sought) -> Scene:
         bundle, _ = with_departed(_whole(frames, rows), bundle, variables, FINE)
         camera = camera_looks(sought, _whole(frames, rows), bundle)
         bundle = camera.bundle
-    scene = found_scene(sought, masks, frames.only(rows), bundle, camera)
     sought.step(STEPS)
-    return scene
+    return found_scene(sought, masks, frames.only(rows), bundle, camera)
 
 
 def _searched(sought: Sought, frames: KeyFrames, names: Sequence[str]) -> SceneGuess:
