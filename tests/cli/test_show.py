@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -136,10 +137,21 @@ def test_progress_is_a_few_lines_where_there_is_no_terminal(monkeypatch: pytest.
         progress("search", 1, None)
     # a line after ten seconds, and one at the end of each step; no rate below one a second
     assert stream.getvalue().splitlines() == [
-        "track: 280 of 320, 23/s", "track: 320 of 320, 18/s", "search: 1"
+        "track: 280 of 320, 23/s, 12 s", "track: 320 of 320, 20/s, 16 s", "search: 1"
     ]  # fmt: skip
     with progress_on(sys.stderr, quiet=True) as nothing:
         assert nothing is None
+
+
+def test_a_step_that_is_not_heard_of_is_told_of_all_the_same() -> None:
+    stream, told = io.StringIO(), threading.Event()
+    lines = shown._ProgressLines(stream, every=0.02)
+    lines("identify", 3, None)
+    # nothing is called from here on
+    assert any("identify: 3, " in stream.getvalue() or told.wait(0.02) for _ in range(1000))
+    lines.close()
+    lines.end()
+    assert stream.getvalue().count("identify: 3") >= 2
 
 
 class Terminal(io.StringIO):
@@ -147,7 +159,7 @@ class Terminal(io.StringIO):
         return True
 
 
-@pytest.mark.parametrize("columns", ["0", "1", "53"])
+@pytest.mark.parametrize("columns", ["0", "1", "55"])
 def test_progress_is_lines_on_a_terminal_that_is_too_narrow(
     columns: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -159,7 +171,7 @@ def test_progress_is_lines_on_a_terminal_that_is_too_narrow(
     assert stream.getvalue().startswith("track: 8 of 8")
 
 
-@pytest.mark.parametrize("columns", ["54", "300", "many"])
+@pytest.mark.parametrize("columns", ["56", "300", "many"])
 def test_progress_is_a_bar_on_a_terminal(columns: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", columns)
     stream = Terminal()

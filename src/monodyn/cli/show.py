@@ -6,6 +6,7 @@ import json
 import math
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -45,8 +46,11 @@ def progress_on(stream: TextIO, *, quiet: bool) -> Iterator[Progress | None]:
         yield from _bars(stream, width)
     else:
         lines = _ProgressLines(stream)
-        yield lines
-        lines.close()
+        try:
+            yield lines
+            lines.end()
+        finally:
+            lines.close()
 
 
 def drawable(stream: TextIO) -> int:
@@ -109,32 +113,59 @@ def _speed(done: int, seconds: float) -> str:
 
 
 class _ProgressLines:
-    """One line for every step when it ends, and one every ten seconds while it goes on."""
+    """One line for every step when it ends, and one every ten seconds while it goes on, also where it is not
+    heard of for longer."""
 
     def __init__(self, stream: TextIO, every: float = 10.0) -> None:
         self.stream, self.every = stream, every
         self.step, self.done, self.total = "", 0, None
         self.begun = self.printed = time.perf_counter()
+        self._turn, self._closed = threading.Lock(), threading.Event()
+        threading.Thread(target=self._watch, name="progress", daemon=True).start()
 
     def __call__(self, step: str, done: int, total: int | None) -> None:
-        now = time.perf_counter()
-        if step != self.step:
-            self.close()
-            self.step, self.begun, self.printed = step, now, now
-        self.done, self.total = done, total
-        if now - self.printed > self.every:
-            self._print_line(now)
+        with self._turn:
+            now = time.perf_counter()
+            if step != self.step:
+                self._end(now)
+                self.step, self.begun, self.printed = step, now, now
+            self.done, self.total = done, total
+            self._print_if_due(now)
+
+    def end(self) -> None:
+        """Print the line of the last step."""
+        with self._turn:
+            self._end(time.perf_counter())
 
     def close(self) -> None:
-        """Print the line of the last step."""
+        """Print nothing more."""
+        self._closed.set()
+
+    def _watch(self) -> None:
+        # a stream that is gone is complained of where something is told
+        with suppress(OSError, ValueError):
+            while not self._closed.wait(self.every / 4.0):
+                with self._turn:
+                    self._print_if_due(time.perf_counter())
+
+    def _print_if_due(self, now: float) -> None:
+        if self.step and now - self.printed > self.every:
+            self._print_line(now)
+
+    def _end(self, now: float) -> None:
         if self.step:
-            self._print_line(time.perf_counter())
+            self._print_line(now)
         self.step = ""
 
     def _print_line(self, now: float) -> None:
         self.printed = now
         share = f"{self.done}" if self.total is None else f"{self.done} of {self.total}"
-        parts = [f"{self.step}: {share}", _speed(self.done, now - self.begun)]
+        spent = now - self.begun
+        parts = [
+            f"{self.step}: {share}",
+            _speed(self.done, spent),
+            f"{spent:.0f} s" if spent > self.every else "",
+        ]
         print(", ".join(part for part in parts if part), file=self.stream, flush=True)
 
 

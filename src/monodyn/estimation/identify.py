@@ -36,7 +36,7 @@ from monodyn.estimation.verdict.stretches import (
 )
 from monodyn.estimation.verdict.summary import summarize
 from monodyn.mechanism import Mechanism
-from monodyn.types import Poses, Progress
+from monodyn.types import Poses, Progress, under
 
 TORQUE_MODELS = {
     "auto": fit_auto,
@@ -80,11 +80,11 @@ def identify_jointly(
     settings = replace(settings, torque="friction", uncertainty="linear")
     # a misfit is looked into; what else a fit is doubted for has its reason
     lacks = fit.unmodelled is not None or not fit.ok
-    cause, named = lacking(records, mechanism, settings, fit) if lacks else ("", False)
+    cause, named = lacking(records, mechanism, settings, fit, progress) if lacks else ("", False)
     if fit.ok:
         # what can be used at least approximately is no other mechanism
         return replace(fit, advice=(cause, *fit.advice)) if named else fit
-    reason = () if named else _beginning(records, mechanism, settings)
+    reason = () if named else _beginning(records, mechanism, settings, progress)
     # a beginning that fits says more than what does not explain the rest
     return replace(fit, advice=(*reason, *([cause] if cause else []), *fit.advice))
 
@@ -103,7 +103,7 @@ def _identified(
 
 
 def _beginning(
-    records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings
+    records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings, progress: Progress | None
 ) -> tuple[str, ...]:
     """Name the first half, quarter, ... that fits of one record, where its own halves agree; nothing where
     none does."""
@@ -113,16 +113,17 @@ def _beginning(
     # a beginning is halved until it fits: a fault that grows with time leaves a short one untouched
     measured = np.flatnonzero(poses.measured.any(axis=1))
     first, count = int(measured[0]), len(measured) // 2
+    halved = under(progress, "beginning")
     while count >= SHORTEST_BEGINNING:
         part = poses[first : int(measured[count])]
-        fit = _identified((part,), mechanism, quick, None)
+        fit = _identified((part,), mechanism, quick, halved)
         # a record that states much noise is met by many fits: to advise one it has to explain the motion
         if fit.ok and explained(part, fit):
             # A wrong mechanism, or one in a wrong place, follows any short motion with parameters of its own:
             # what holds over the beginning also holds over each half of it.
             middle = int(np.searchsorted(part.frame, poses.frame[measured[count // 2]]))
             halves = (part[:middle], part[middle:])
-            fits = [_identified((half,), mechanism, quick, None) for half in halves]
+            fits = [_identified((half,), mechanism, quick, halved) for half in halves]
             apart = disagreeing(*fits) if all(half.ok for half in fits) else []
             if apart:
                 return (disagreement(len(part), apart),)

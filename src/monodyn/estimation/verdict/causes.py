@@ -35,7 +35,7 @@ from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.mounted import mounted
 from monodyn.mechanism.upright import ROLL, feels_roll, in_metres
-from monodyn.types import Poses
+from monodyn.types import Poses, Progress
 
 HALVED = 2.0
 """Factor by which a cause makes the residuals smaller, at least, to be named."""
@@ -76,8 +76,9 @@ class Cause:
 
 
 def lacking(
-    records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings, fit: Fit
-) -> tuple[str, bool]:
+    records: tuple[Poses, ...], mechanism: Mechanism, settings: IdentifySettings, fit: Fit,
+    progress: Progress | None = None,
+) -> tuple[str, bool]:  # fmt: skip
     """Say what explains that a motion is not followed, or that nothing usual does.
 
     Args:
@@ -85,6 +86,7 @@ def lacking(
         mechanism: The mechanism, its bodies chosen.
         settings: How it was identified.
         fit: The fit that does not follow.
+        progress: Called with the causes tried.
 
     Returns:
         A sentence for the user, empty where nothing could be tried; and whether a cause was found.
@@ -93,7 +95,7 @@ def lacking(
     if not tried or not np.isfinite(before):
         return "", False
     joints, names = [joint.name for joint in mechanism.joints], [cause.name for cause in tried]
-    said, after = _named(tried, before, joints, settings)
+    said, after = _named(tried, before, joints, settings, progress)
     # what leaves only noise is the cause; what halves the residuals may stand for a link that nobody saw.
     # Without that a motion is missed by far: what misses it by little has other sizes
     missed = after > NOISE_ALONE and not fit.ok
@@ -134,12 +136,16 @@ def explained_otherwise(
 
 
 def _named(
-    tried: Sequence[Cause], before: float, joints: Sequence[str], settings: IdentifySettings
-) -> tuple[str, float]:
+    tried: Sequence[Cause], before: float, joints: Sequence[str], settings: IdentifySettings,
+    progress: Progress | None = None,
+) -> tuple[str, float]:  # fmt: skip
     """Return the sentence of what comes closest of the likeliest causes that halve the residuals, and the
     size that it leaves; empty and infinite for none."""
     said, least = "", np.inf
-    for cause in sorted(tried, key=lambda cause: cause.left)[:TRIED]:
+    likely = sorted(tried, key=lambda cause: cause.left)[:TRIED]
+    for count, cause in enumerate(likely):
+        if progress is not None:
+            progress("causes", count, len(likely))
         problem, optimum = _fitted(cause, settings)
         after = difference_size(problem, optimum, joints) if optimum.complete else np.inf
         if HALVED * after < before and after < least:
