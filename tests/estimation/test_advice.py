@@ -119,8 +119,8 @@ def test_residuals_above_the_noise_and_what_may_be_the_reason():
 def test_stamps_that_are_off():
     assert advice.stamps(0.0) == []
     assert advice.stamps(0.00213) == [
-        "The time stamps are off by about 2.1 ms from picture to picture: the residuals grow with the rate "
-        "of the motion. The intervals take that into account."
+        "The residuals grow with the rate of the motion, as if the time stamps were off by about 2.1 ms from "
+        "picture to picture. The intervals take that into account."
     ]
 
 

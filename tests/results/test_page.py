@@ -91,3 +91,15 @@ def test_every_page_links_the_files_of_its_folder() -> None:
         )
         assert "<dt>" in section(text, "What to do next")
     assert "Files in this folder" not in page_text(Findings(refused, [], "x"))
+
+
+def test_a_refused_fit_is_not_called_known_and_fills_nothing() -> None:
+    """Its motion before the fitted frames may be anything, and would stretch the axes."""
+    fit = made_fit()
+    poses = record(fit)
+    first = replace(poses, seen=np.arange(len(poses)) >= 5)
+    for one, known in ((fit, True), (fit.doubted([Doubt("refused", "It is another mechanism.")]), False)):
+        text = page_text(Findings(one, [trace_of(one, first)], "x"))
+        assert ("What is known, and how well" in text) is known
+        assert ("neither values nor intervals are to be relied on" in text) is not known
+        assert ('"filled": null' in text or '"filled":null' in text) is not known

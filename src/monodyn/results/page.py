@@ -92,7 +92,9 @@ def page_text(
 
     fit, traces = findings.fit, findings.traces
     several = len(traces) > 1
-    pairs = zip(traces, findings.motions, strict=True)
+    # the motion of a refused fit stands for nothing that was hidden
+    motions = findings.motions if fit.ok else [None] * len(traces)
+    pairs = zip(traces, motions, strict=True)
     plots = [plot for pair in pairs for plot in motion_curves(fit, *pair, several=several)]
     filmed = findings.filmed
     camera = [] if filmed is None else camera_curves(filmed.video.times, filmed.camera_path)
@@ -114,7 +116,7 @@ def page_text(
         torques=[plot for trace in traces for plot in torque_curves(fit, trace, several=several)],
         camera=camera,
         # free torques contain the friction that the mechanism has no parameters for
-        any_filled=any(plot["filled"]["time"] for plot in plots),
+        any_filled=any(plot["filled"] and plot["filled"]["time"] for plot in plots),
         motion_band=any(np.isfinite(t.states.std).any() for t in traces),
         torque_band=any(t.torques is not None and np.isfinite(t.torques.std).any() for t in traces),
         with_friction=not any(row.value for row in fit.mechanism.parameters if row.kind in BRAKES),

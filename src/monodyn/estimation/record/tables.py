@@ -19,8 +19,8 @@ from monodyn.names import meant, near, near_files, quoted, short
 from monodyn.types import Poses, shared_columns
 
 MOST_ROWS = 200_000
-"""Most rows of a table of joint positions: they tell enough. A fit of them takes two minutes or so, one that is
-refused, with the search for a cause, several times as long."""
+"""Most rows of a table of joint positions: they tell enough. A fit of them takes two minutes or so, one that
+is refused, with the search for a cause, several times as long."""
 SEEN_WORDS = {"1": True, "true": True, "0": False, "false": False}
 """What a cell of the column ``seen`` may hold; some tools write words."""
 WILD = 1e30

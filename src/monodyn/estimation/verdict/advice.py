@@ -311,7 +311,7 @@ def taken_densities(mechanism: Mechanism) -> list[str]:
 
 
 def stamps(error: float) -> list[str]:
-    """Report that the time stamps scatter.
+    """Report that the time stamps scatter, or something that grows with the rates as they would.
 
     Args:
         error: Standard deviation of the stamps as the residuals show it [s].
@@ -322,8 +322,8 @@ def stamps(error: float) -> list[str]:
     if error == 0:
         return []
     return [
-        f"The time stamps are off by about {1e3 * error:.2g} ms from picture to picture: the residuals grow "
-        "with the rate of the motion. The intervals take that into account."
+        "The residuals grow with the rate of the motion, as if the time stamps were off by about "
+        f"{1e3 * error:.2g} ms from picture to picture. The intervals take that into account."
     ]
 
 
