@@ -76,7 +76,7 @@ class Case:
         lengths: True lengths by name [m], where what was done leaves them true; else empty.
         stop: Signal and the seconds after which it is sent, or None.
         room: Largest file that the system writes [bytes], None for any.
-        twice: Whether the same command runs a second time beside it.
+        beside: Arguments of a second call at the same time, none for no such call.
         columns: Width of the terminal, as the environment has it.
     """
 
@@ -84,7 +84,7 @@ class Case:
     lengths: dict[str, float] = field(default_factory=dict)
     stop: tuple[signal.Signals, float] | None = None
     room: int | None = None
-    twice: bool = False
+    beside: tuple[str, ...] = ()
     columns: str = "80"
 
 
@@ -292,12 +292,16 @@ def _of_disk(rng: np.random.Generator, good: Good, home: Path) -> Case:
 
 
 def _of_two(rng: np.random.Generator, good: Good, home: Path) -> Case:
-    """Run the same command twice at once."""
-    return replace(_over_another(rng, good, home), twice=True)
+    """Run two commands at once into one folder."""
+    first, other = _over_another(rng, good, home), _over_another(rng, good, home, begun=False)
+    # both may replace what is there, or neither
+    force = rng.random() < 0.5
+    words = [case.words if force else case.words[:-1] for case in (first, other)]
+    return replace(first, words=words[0], beside=words[1])
 
 
-def _over_another(rng: np.random.Generator, good: Good, home: Path) -> Case:
-    """Return a good command that may replace a run which is there."""
+def _over_another(rng: np.random.Generator, good: Good, home: Path, *, begun: bool = True) -> Case:
+    """Return a good command that may replace a run which is there; of which one may have ``begun``."""
     words = (
         ("run", str(good.clip), "--model", "double"),
         ("identify", str(good.run / "poses.csv"), "--model", "double"),
@@ -305,7 +309,7 @@ def _over_another(rng: np.random.Generator, good: Good, home: Path) -> Case:
         ("track", str(good.clip), "--model", "double"),
     )[int(rng.integers(4))]
     out = home / "out"
-    if rng.random() < 0.5:
+    if begun and rng.random() < 0.5:
         subprocess.run(
             [sys.executable, "-m", "monodyn", *words, "--out", str(out), "--quiet"], check=False,
             capture_output=True, timeout=LONGEST,
@@ -359,7 +363,7 @@ def run(case: Case, where: Path) -> tuple[int | None, str]:
         case: What is run.
         where: Working folder.
     """
-    command = [sys.executable, "-m", "monodyn", *case.words]
+    calls = [words for words in (case.words, case.beside) if words]
     environment = {**os.environ, "COLUMNS": case.columns}
     room = case.room
 
@@ -369,10 +373,10 @@ def run(case: Case, where: Path) -> tuple[int | None, str]:
 
     processes = [
         subprocess.Popen(
-            command, cwd=where, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, text=True, errors="replace", preexec_fn=limited,
+            [sys.executable, "-m", "monodyn", *words], cwd=where, env=environment, stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", preexec_fn=limited,
         )
-        for _ in range(2 if case.twice else 1)
+        for words in calls
     ]  # fmt: skip
     first = processes[0]
     if case.stop is not None:
@@ -411,7 +415,7 @@ def judged(case: Case, code: int | None, said: str) -> Iterator[tuple[str, str]]
         yield "traceback" if odd[0] == "Traceback" else "noise", line[:150]
     # a refusal is one line of its own
     for line in said.splitlines():
-        if line.startswith("monodyn: ") and len(line.removeprefix("monodyn: ")) > LONG:
+        if line.startswith("monodyn: ") and len(line) > LONG:
             yield "long message", line[:150]
 
 
@@ -448,7 +452,8 @@ def lost(case: Case, before: dict[str, str], folder: Path) -> Iterator[tuple[str
         {name: digest for name, digest in files.items() if name.startswith("out/") and not _remains(name)}
         for files in (before, after)
     )
-    if old and old != new:
+    # a prediction has no such file, and is looked at where an old one was there
+    if (old and old != new) or (not old and "out/run.json" in new):
         problem = mixed(folder / "out", old, new)
         if problem:
             yield "lost or mixed", problem

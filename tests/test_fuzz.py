@@ -45,6 +45,12 @@ def test_sees_files_that_are_lost_changed_or_left(tmp_path: Path) -> None:
     before = fuzz.snapshot(tmp_path)
     case = fuzz.Case(("run", "clip.mp4", "--out", "out"))
     assert not list(fuzz.lost(case, before, tmp_path))
+    (tmp_path / "out").mkdir()
+    for name, text in (("run.json", json.dumps({"files": ["run.json"]})), ("states.csv", "")):
+        (tmp_path / "out" / name).write_text(text, encoding="utf-8")
+    assert ["states.csv" in why for _, why in fuzz.lost(case, before, tmp_path)] == [True]
+    (tmp_path / "out" / "states.csv").unlink()
+    assert not list(fuzz.lost(case, before, tmp_path))
     (tmp_path / "clip.mp4").write_bytes(b"other")
     (tmp_path / "work" / "MUJOCO_LOG.TXT").write_text("", encoding="utf-8")
     assert [kind for kind, _ in fuzz.lost(case, before, tmp_path)] == ["lost or mixed"] * 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -184,6 +185,17 @@ def test_a_run_that_is_killed_while_it_replaces_another_leaves_one_of_them() -> 
     for words in (("swap", "--every", "17"), ("recovery", "--every", "61")):
         done = subprocess.run([sys.executable, script, *words], capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_of_two_runs_at_once_one_is_done_and_the_other_told_of_it() -> None:
+    script = Path(__file__).parents[2] / "benchmarks" / "killed.py"
+    done = subprocess.run(
+        [sys.executable, script, "together", "--rounds", "4"], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    # both orders of the two runs, into a new folder and over an old one: none waits until the other is done
+    assert re.search(r"^ *[1-4] second refused at once, its holder named$", done.stdout, re.MULTILINE)
 
 
 OTHER = FolderKind("experiment", ("page.html",), whole=True)
