@@ -94,11 +94,14 @@ def test_a_refused_fit_is_looked_at_and_measured_again(tmp_path, monkeypatch):
         if given.endswith("xml"):
             monodyn.write_mjcf(monodyn.load("single"), given)
         log = RunLog("identify", {"model": given, "poses 1": "swing.csv"}, RunSettings())
-        look, again = next_steps(Findings(fit, [trace_of(fit, record(fit))], log=log))
+        look, again, driven = next_steps(Findings(fit, [trace_of(fit, record(fit))], log=log))
         assert look.what.startswith("Look at the residuals in the plots of this page")
         assert look.command == ""
         assert again.command == f"monodyn identify again.csv --model {named} --out again"
         parsed("identify", shlex.split(again.command)[2:])
+        assert (driven.what.split(",")[0], driven.command) == ("Where a motor drives it", "")
+    known = replace(fit, torque="known")
+    assert len(next_steps(Findings(known, [trace_of(known, record(fit))], log=log))) == 2
 
 
 def test_a_refused_clip_is_looked_at_and_filmed_again(filmed):
@@ -106,10 +109,11 @@ def test_a_refused_clip_is_looked_at_and_filmed_again(filmed):
     fit = replace(identified(), starts=()).doubted([Doubt("refused", "It is another mechanism.")])
     for sight, picture in ((None, "overlay.mp4"), (Sight(scene.video), "diagnosis.png")):
         shown = replace(filmed_of(fit, scene, poses), sight=sight)
-        look, again = next_steps(Findings(fit, filmed=shown))
+        look, again, driven = next_steps(Findings(fit, filmed=shown))
         assert look.what.startswith(f"Look at {picture}: the outline has to lie on the mechanism")
         assert again.command == "monodyn run again.mp4 --model MODEL --out again"
         parsed("run", shlex.split(again.command)[2:])
+        assert driven.what.startswith("Where a motor drives it")
 
 
 def standing(tmp_path, limits=""):
