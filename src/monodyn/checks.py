@@ -55,7 +55,7 @@ def clip_and_mechanism(clip: str | Path, model: str | Path, settings: RunSetting
         SettingsError: the picture of the background does not exist.
     """
     mechanism = drawn_mechanism(model, settings)
-    video = read(clip, rate=settings.rate)
+    video = read(clip, rate=settings.rate, whole=settings.in_pixels)
     if settings.background is not None and not Path(settings.background).is_file():
         raise SettingsError(
             f"background '{settings.background}': expected a picture file, found none; check the path."

@@ -243,7 +243,7 @@ def points_and_mechanism(
             )
     if settings.points is None:
         raise SettingsError("points: expected a file of tracked points, got none; name one.")
-    film = None if clip is None else read(clip, rate=settings.rate)
+    film = None if clip is None else read(clip, rate=settings.rate, whole=True)
     tracks = read_points(
         settings.points, rate=settings.rate, clip=film, size=settings.points_size, axis=settings.points_axis
     )
@@ -269,6 +269,6 @@ def masks_and_mechanism(
         raise SettingsError("background: expected nothing next to --masks, which have none; leave it out.")
     if settings.masks is None:
         raise SettingsError("masks: expected a folder, a film or an NPZ file, got none; name one.")
-    film = None if clip is None else read(clip, rate=settings.rate)
+    film = None if clip is None else read(clip, rate=settings.rate, whole=True)
     opened = opened_masks(settings.masks, mechanism, rate=settings.rate, clip=film)
     return opened, film or opened.together, mechanism

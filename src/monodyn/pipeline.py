@@ -64,6 +64,7 @@ from monodyn.vision.dots.find import find_dots
 from monodyn.vision.foreground.given import given_masks
 from monodyn.vision.foreground.mask_files import OpenedMasks
 from monodyn.vision.foreground.masks import Masks
+from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.points.scene import PointScene
 from monodyn.vision.points.tracks import PointTracks
@@ -370,7 +371,9 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> Tracked:
     notes = _clip_notes(video, None if job.masks is None else scene.masks.video)
     notes = [*notes, *blurred(exposed, settings.camera), *span.notes, *untracked(moving, repeats)]
     log.notes += [*scene.advice, *others, *notes]
-    log.free_frames, log.region = span[:2], scene.masks.background.window
+    log.free_frames, by = span[:2], video.shrink
+    # in pixels of the file, as --roi takes it
+    log.region = Window(*(by * side for side in scene.masks.background.window))
     job.write_poses(poses, scene.mechanism)
     return Tracked(scene, poses, span)
 

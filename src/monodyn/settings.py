@@ -46,7 +46,7 @@ SHARED = ("seed", "roi", "time_range", "uncertainty")
 
 _OF_CLIP = (
     "roi", "time_range", "background", "masks", "points", "points_map", "points_size", "points_axis",
-    "distortion", "rate", "segment", "camera", "locate", "track",
+    "distortion", "rate", "whole", "segment", "camera", "locate", "track",
 )  # fmt: skip
 UNUSED: dict[str, tuple[str, ...]] = {
     "run": (),
@@ -143,6 +143,9 @@ class RunSettings:
         ensemble: Models that are drawn from what the data allow and written as ensemble_00.xml, ..., for
             robust control and randomised training; up to 100.
         rate: Frames a second [Hz] in place of the time stamps of the clip.
+        whole: Look at all pixels of pictures of more than 6 million, with four times the memory and time;
+            else they are reduced, of 4K to half its sides. They are whole, too, where anything is given in
+            pixels of the clip, such as roi, camera.focal, a background, points or masks.
         seed: Seed of every random start; it replaces the seeds of the stages.
         uncertainty: Where intervals come from: ``linear``: the covariance at the optimum, or where sizes are
             assumed, draws in the inertias in which the motion is linear; ``profile``: how the cost rises to
@@ -173,6 +176,7 @@ class RunSettings:
     torques: tuple[Path, ...] = ()
     ensemble: int = 0
     rate: float | None = field(default=None, metadata={"metavar": "HZ"})
+    whole: bool = False
     seed: int = 0
     uncertainty: Uncertainty = "linear"
     method: Method = "fast"
@@ -232,6 +236,13 @@ class RunSettings:
                 f"camera.exposure, camera.readout: expected pictures and the method 'fast', got {got}, which "
                 "knows neither; leave them out."
             )
+
+    @property
+    def in_pixels(self) -> bool:
+        """Whether pictures are to be whole, as is asked for or as something is given in their pixels."""
+        given = (self.roi, self.background, self.masks, self.points, self.distortion)
+        focal = self.locate.focal or "camera.focal" in self.fix
+        return self.whole or bool(focal) or any(one is not None for one in given)
 
     def _stage(self, stage: str, kind: Any) -> Any:
         """Return the settings of a stage with what it takes from the run, as an instance of ``kind``."""

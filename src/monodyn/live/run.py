@@ -66,7 +66,7 @@ def follow(
     """
     live, settings = live or LiveSettings(), settings or RunSettings()
     mechanism = drawn_mechanism(model, settings)
-    opened = open_source(source, live, rate=settings.rate)
+    opened = open_source(source, live, rate=settings.rate, whole=settings.in_pixels)
     clip = None if opened.video is None else opened.video.path
     if out is None:
         with Session(opened, mechanism, live, settings) as session:

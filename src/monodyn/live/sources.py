@@ -74,8 +74,9 @@ Pictures = Iterable[Any]
 
 
 def open_source(
-    source: int | str | Path | Pictures, settings: LiveSettings | None = None, *, rate: float | None = None
-) -> Source:
+    source: int | str | Path | Pictures, settings: LiveSettings | None = None, *, rate: float | None = None,
+    whole: bool = False,
+) -> Source:  # fmt: skip
     """Open what gives the frames.
 
     Args:
@@ -83,6 +84,7 @@ def open_source(
             frames on the standard input, or an iterable of pictures.
         settings: How it is read.
         rate: Frames a second [Hz] in place of the time stamps of the source.
+        whole: Take the pictures of a file at their full size, however large, as ``monodyn.read`` does.
 
     Returns:
         The source; its first frame has been looked at where that alone tells its size.
@@ -99,19 +101,20 @@ def open_source(
     if isinstance(source, str) and source.partition("://")[0] in SCHEMES:
         return stream_at(source, settings, rate)
     if isinstance(source, (str, Path)):
-        return file_at(Path(source), settings, rate)
+        return file_at(Path(source), settings, rate, whole=whole)
     return pictures_of(source, rate or USUAL_RATE)
 
 
-def file_at(path: Path, settings: LiveSettings, rate: float | None) -> Source:
+def file_at(path: Path, settings: LiveSettings, rate: float | None, *, whole: bool = False) -> Source:
     """Return the frames of a clip, as fast as they are taken or at the pace of their time stamps.
 
     Args:
         path: Video file or folder of pictures.
         settings: Says which pace.
         rate: Frames a second [Hz] in place of its stamps, or None.
+        whole: Take large pictures at their full size.
     """
-    video = read(path, rate=rate)
+    video = read(path, rate=rate, whole=whole)
     paced, closing = settings.pace == "real", threading.Event()
     return Source(
         path.name, video.width, video.height,

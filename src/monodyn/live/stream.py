@@ -74,7 +74,9 @@ def stream(
     live, settings = live or LiveSettings(), settings or RunSettings()
     if not isinstance(mechanism, Mechanism):
         mechanism = drawn_mechanism(mechanism, settings)
-    opened = source if isinstance(source, Source) else open_source(source, live, rate=settings.rate)
+    opened = source
+    if not isinstance(opened, Source):
+        opened = open_source(opened, live, rate=settings.rate, whole=settings.in_pixels)
     with Session(opened, mechanism, live, settings, apply) as session:
         yield from session.steps()
 

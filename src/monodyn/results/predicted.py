@@ -339,7 +339,11 @@ def _other_clip(run: Path, clip: Path) -> list[str]:
 def _background(run: Path, clip: Path) -> Frame:
     """Return the first frame of a clip, which has to be of the size of that of a run."""
     camera, _ = filmed_by(run)
-    frame = next(read(clip).frames(0, 1))
+    video = read(clip)
+    # a run looks at large pictures reduced, or whole
+    if video.shrink > 1 and (video.width, video.height) != (camera.width, camera.height):
+        video = read(clip, whole=True)
+    frame = next(video.frames(0, 1))
     height, width = frame.luma.shape
     if (width, height) != (camera.width, camera.height):
         raise SettingsError(

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +32,8 @@ AHEAD = 4
 
 LARGE_PIXELS = 2_100_000
 """Pixels from which on the memory of a picture matters."""
+WHOLE_PIXELS = 6_000_000
+"""Most pixels of a picture that is looked at whole: larger ones are reduced, unless that is refused."""
 LONGEST_SIDE = 16_384
 """Most pixels along a side of a picture: what draws and warps pictures counts to twice that."""
 MOST_PIXELS = 20_000_000
@@ -58,6 +62,7 @@ class Video:
         straight: What puts a frame of the same camera straight that is no part of the clip; None where its
             pictures are as the camera took them. ``decode`` has done so with its own.
         held: True where all of its frames are in memory anyway, so that nobody needs copies of some.
+        shrink: Pixels of the file to a side of one of these, where large pictures are looked at reduced.
     """
 
     path: Path
@@ -72,6 +77,7 @@ class Video:
     bare: bool = False
     straight: Callable[[Frame], Frame] | None = field(default=None, repr=False)
     held: bool = False
+    shrink: int = 1
 
     def __post_init__(self) -> None:
         times = frozen("Video.times", self.times, (None,), error=VideoError)
@@ -185,7 +191,7 @@ class Video:
         return replace(self, times=clock, repeats=NO_REPEATS)
 
 
-def read(path: str | Path, *, rate: float | None = None, still: bool = False) -> Video:
+def read(path: str | Path, *, rate: float | None = None, still: bool = False, whole: bool = False) -> Video:
     """Open a clip and read the time stamps of its frames.
 
     Args:
@@ -194,6 +200,9 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
         rate: Frames a second [Hz] in place of the time stamps of the file; None uses the stamps (30 a second
             for a folder, which has none).
         still: Take one picture file as a clip of one frame, with luma as in the clips it is compared with.
+        whole: Take pictures of more than 6 million pixels at their full size, with four times the memory;
+            else they are reduced by a whole number, those of 4K to half: pixels are those of the reduced
+            pictures, and a note says so.
 
     Returns:
         The clip; its pictures are decoded by ``Video.frames``.
@@ -218,7 +227,7 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
     if path.is_dir():
         from monodyn.vision.clip.folder import read_folder
 
-        return _checked(Video(path, *read_folder(path, rate)))
+        return _checked(Video(path, *read_folder(path, rate)), whole=whole)
     if not path.exists():
         end = meant(near_files(path)) or "check the path."
         raise VideoError(
@@ -230,10 +239,10 @@ def read(path: str | Path, *, rate: float | None = None, still: bool = False) ->
         )
     from monodyn.vision.clip.container import read_container
 
-    return _checked(Video(path, *read_container(path, rate)))
+    return _checked(Video(path, *read_container(path, rate)), whole=whole)
 
 
-def _checked(video: Video) -> Video:
+def _checked(video: Video, *, whole: bool) -> Video:
     """Return a clip whose pictures are large enough to show a mechanism, and not too large for the memory."""
     if min(video.width, video.height) < LEAST_SIDE:
         raise VideoError(
@@ -253,7 +262,40 @@ def _checked(video: Video) -> Video:
         )
     if video.width * video.height > LARGE_PIXELS:
         give_back_large()
-    return video
+    return video if whole else _reduced(video)
+
+
+def _reduced(video: Video) -> Video:
+    """Return a clip with its pictures reduced by the least whole number that brings them below
+    ``WHOLE_PIXELS``."""
+    by = next(k for k in count(1) if (video.width // k) * (video.height // k) <= WHOLE_PIXELS)
+    if by == 1:
+        return video
+    width, height = video.width // by, video.height // by
+    video.remarks.append(
+        f"Pictures of {video.width}x{video.height} px are looked at reduced, {width}x{height}; --whole looks "
+        "at all of their pixels, with more memory and time."
+    )
+    return replace(video, width=width, height=height, decode=partial(_smaller, by, video.decode), shrink=by)
+
+
+def _smaller(by: int, decode: Decode, start: int, stop: int) -> Iterator[Frame]:
+    """Yield the reduced pictures of a range of frame numbers, each pixel the mean of those that it covers."""
+    import cv2
+
+    def mean(plane: np.ndarray, height: int, width: int) -> np.ndarray:
+        found = cv2.resize(plane, (width, height), interpolation=cv2.INTER_AREA)
+        found.flags.writeable = False
+        return found
+
+    for frame in decode(start, stop):
+        # what is left over of a side that is no multiple is left out
+        height, width = (side // by for side in frame.luma.shape)
+        luma, chroma = mean(frame.luma[: height * by, : width * by], height, width), None
+        if frame.chroma is not None:
+            blue, red = (mean(one, (height + 1) // 2, (width + 1) // 2) for one in frame.chroma)
+            chroma = blue, red
+        yield replace(frame, luma=luma, chroma=chroma)
 
 
 def check_rate(rate: float | None) -> None:

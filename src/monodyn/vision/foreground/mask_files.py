@@ -120,7 +120,7 @@ def _opened(path: Path, mechanism: Mechanism, rate: float | None, clip: Video | 
                 f"masks '{path}': expected a film, a folder of pictures or an array (.npz, .npy), found "
                 f"nothing; {end}"
             )
-        film = read(path, rate=rate)
+        film = read(path, rate=rate, whole=True)
         return (film if clip is None else replace(film, remarks=[])), 1
     count = int(frames[-1]) + 1
     if times is None or rate is not None:
