@@ -162,7 +162,7 @@ def test_the_file_of_the_mechanism_is_not_replaced(tmp_path: Path) -> None:
 def test_a_folder_that_is_in_use_or_taken_is_refused_before_the_fits_that_judge(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def worked(*_: object) -> None:
+    def worked(*_: object, **__: object) -> None:
         raise AssertionError("began to work")
 
     fit = made_fit()

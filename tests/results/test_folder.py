@@ -186,7 +186,7 @@ def test_a_run_that_is_killed_while_it_replaces_another_leaves_one_of_them() -> 
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-DAMAGED = ("", "\0\0\0\0", "{}", "[1]", '["../../mine.txt"]', "[\xff")
+DAMAGED = ("", "\0\0\0\0", "{}", "[1]", '["../mine.txt"]', "[\xff")
 
 
 def between(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
@@ -210,7 +210,7 @@ def test_a_list_that_is_damaged_is_named_and_nothing_lost(
 ) -> None:
     path, beside = between(tmp_path, monkeypatch)
     (path / swap.NEW).write_bytes(text.encode("latin-1"))
-    (tmp_path.parent / "mine.txt").write_text("outside")
+    (tmp_path / "mine.txt").write_text("outside")
     said = (
         f"'{path / swap.NEW}': expected the list of the files of the run that was replaced, got a file that "
         f"is damaged; these files are in '{beside}': move what you need of them elsewhere, then remove both."
@@ -222,7 +222,7 @@ def test_a_list_that_is_damaged_is_named_and_nothing_lost(
     recover(path)
     assert not (path / "mine.txt").is_symlink()
     assert {"poses.csv": "old", "overlay.mp4": "old"}.items() <= contents(beside).items()
-    assert (tmp_path.parent / "mine.txt").read_text() == "outside"
+    assert (tmp_path / "mine.txt").read_text() == "outside"
     # what is to be done helps
     (path / swap.NEW).unlink()
     assert contents(path) == {"poses.csv": "new", "mine.txt": "mine"}

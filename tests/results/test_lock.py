@@ -221,6 +221,20 @@ def test_what_another_user_alone_can_remove_is_named(folder: int, file: int, sha
 
 
 @by_root
+def test_a_user_without_a_name_is_another_user(shared: Path) -> None:
+    (shared / LOCK).write_bytes(b" {}")
+    (shared / LOCK).chmod(0o600)
+    os.chown(shared / LOCK, 4242, -1)
+    said = (
+        f"out '{shared}': expected a folder that nothing else writes to, got one with the .monodyn.lock of "
+        "another user, which only they can remove; have it removed when their run has ended, or give "
+        "another with --out."
+    )
+    with refuses(SettingsError, said), another_user():
+        FolderLock(shared)
+
+
+@by_root
 @pytest.mark.parametrize("left", [False, True])
 def test_a_folder_of_another_user_cannot_be_written(left: bool, shared: Path) -> None:
     if left:

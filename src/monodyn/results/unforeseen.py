@@ -48,10 +48,10 @@ def traceback_text(error: BaseException) -> str:
     Args:
         error: The error.
     """
-    import monodyn
+    from importlib.metadata import version
 
     return (
-        f"monodyn {monodyn.__version__}, Python {platform.python_version()}, {platform.platform()}\n"
+        f"monodyn {version('monodyn')}, Python {platform.python_version()}, {platform.platform()}\n"
         f"{command_line()}\n\n{''.join(traceback.format_exception(error))}"
     )
 
