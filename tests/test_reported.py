@@ -11,11 +11,12 @@ import pytest
 
 import monodyn
 from fits import identified, made_fit, record
-from monodyn.errors import SettingsError
+from monodyn.errors import MonodynError, SettingsError
 from monodyn.estimation.fit import Doubt
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import simulate
 from monodyn.pipeline import identify_tables
+from monodyn.results.lock import FolderLock
 from monodyn.results.trace import fitted_poses
 from monodyn.types import Poses
 from support import refuses
@@ -156,3 +157,27 @@ def test_the_file_of_the_mechanism_is_not_replaced(tmp_path: Path) -> None:
     )
     with refuses(SettingsError, said):
         monodyn.report(read, to=tmp_path, force=True)
+
+
+def test_a_folder_that_is_in_use_or_taken_is_refused_before_the_fits_that_judge(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def worked(*_: object, **__: object) -> None:
+        raise AssertionError("began to work")
+
+    fit = made_fit()
+    monodyn.report(fit, to=tmp_path / "taken")
+    monkeypatch.setattr("monodyn.reported.fitted_poses", worked)
+    monkeypatch.setattr("monodyn.reported._judged", worked)
+    with pytest.raises(SettingsError, match=r"it holds states.csv; give another folder, or --force"):
+        monodyn.report(fit, to=tmp_path / "taken")
+    lock = FolderLock(tmp_path / "held")
+    with pytest.raises(SettingsError, match="got one in use by process"):
+        monodyn.report(fit, to=tmp_path / "held", force=True)
+    lock.release()
+
+
+def test_what_is_refused_by_its_records_leaves_no_folder(tmp_path: Path) -> None:
+    with pytest.raises(MonodynError, match="expected"):
+        monodyn.report(made_fit(), [None, None], to=tmp_path / "new")
+    assert not (tmp_path / "new").exists()

@@ -1,8 +1,13 @@
-"""Every exception that Monodyn raises on purpose, and whether one is Ctrl-C in other clothes.
+"""Every exception that Monodyn raises on purpose; whether another one is Ctrl-C in other clothes, or ours.
 
 The children are named by what has to be corrected: the mechanism file, the clip or the setting. A message is
 one sentence: where, expected, got, what to do.
 """
+
+import errno
+
+SPENT = ("ENOSPC", "EDQUOT", "EFBIG", "EMFILE", "ENFILE", "ENOMEM")
+"""What the system says when its disks or its limits are reached, whatever file it happens at."""
 
 
 class MonodynError(Exception):
@@ -38,3 +43,26 @@ def is_interrupt(error: BaseException | None) -> bool:
             return True
         error = error.__cause__ or error.__context__
     return False
+
+
+def is_spent(error: OSError) -> bool:
+    """Return whether a disk or a limit of the system is behind an error, and not a file.
+
+    Args:
+        error: What the system said.
+    """
+    return error.errno in [getattr(errno, name) for name in SPENT if hasattr(errno, name)]
+
+
+def is_unforeseen(error: BaseException) -> bool:
+    """Return whether an error is one of Monodyn itself.
+
+    It is neither raised on purpose, nor Ctrl-C, nor what the system says of a file that has a name or of its
+    limits.
+
+    Args:
+        error: What was raised.
+    """
+    if not isinstance(error, Exception) or isinstance(error, MonodynError) or is_interrupt(error):
+        return False
+    return not (isinstance(error, OSError) and (error.filename or is_spent(error)))

@@ -79,29 +79,28 @@ def report(
         )
     if whole and count:
         _check_count("poses", "record", len(whole), count)
-    # where nothing was identified there is no motion to set a record next to
-    records = (whole or [fitted_poses(fit, video, record=k) for k in range(count)])[:count]
-    traces = [
-        trace_of(fit, record, ahead, name=f"record {k}" if count > 1 else "", record=k)
-        for k, (record, ahead) in enumerate(zip(records, _futures(fit, future, records), strict=True))
-    ]
-    fit = _judged(fit, whole, traces, settings, progress)
-    shown = [trace.poses for trace in traces] or whole
     log = _log(fit, video, settings)
-    findings = Findings(
-        fit,
-        traces,
-        title=fit.mechanism.name if video is None else video.path.name,
-        subtitle=_subtitle(fit),
-        record=shown[0] if len(whole) == 1 else None,
-        log=log,
-        filmed=None if scene is None or not shown else filmed_of(fit, scene, shown[0]),
-        tolerance=settings.tolerance,
-        drawn=settings.ensemble,
-    )
-    # only after all that may refuse its input: a folder is made when there is something to write
     folder = RunFolder(to, force=force, inputs=[source["name"] for source in log.inputs.values()])
     with recorded(folder, log):
+        # where nothing was identified there is no motion to set a record next to
+        records = (whole or [fitted_poses(fit, video, record=k) for k in range(count)])[:count]
+        traces = [
+            trace_of(fit, record, ahead, name=f"record {k}" if count > 1 else "", record=k)
+            for k, (record, ahead) in enumerate(zip(records, _futures(fit, future, records), strict=True))
+        ]
+        fit = _judged(fit, whole, traces, settings, progress)
+        shown = [trace.poses for trace in traces] or whole
+        findings = Findings(
+            fit,
+            traces,
+            title=fit.mechanism.name if video is None else video.path.name,
+            subtitle=_subtitle(fit),
+            record=shown[0] if len(whole) == 1 else None,
+            log=log,
+            filmed=None if scene is None or not shown else filmed_of(fit, scene, shown[0]),
+            tolerance=settings.tolerance,
+            drawn=settings.ensemble,
+        )
         write_results(folder, findings, progress=progress)
     return folder.path / "report.html"
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from monodyn.errors import SettingsError
+from monodyn.errors import SettingsError, is_spent, is_unforeseen
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 TRUTH = ("bool", "bool_")
@@ -32,7 +32,7 @@ def checked(function: Function) -> Function:
 
     Raises:
         SettingsError: of what is returned, when it is called: an argument has another type, or names a place
-            that the system cannot use.
+            that the system cannot use; a disk is full, or another limit of the system is reached.
     """
     signature = inspect.signature(function)
 
@@ -43,21 +43,30 @@ def checked(function: Function) -> Function:
         try:
             return function(*args, **kwargs)
         except OSError as error:
+            if is_unforeseen(error):
+                raise
             raise SettingsError(f"{function.__name__}: {unusable(error)}") from error
 
     return call  # type: ignore[return-value]
 
 
 def unusable(error: OSError) -> str:
-    """Return a sentence on the place that the system could not use.
+    """Return a sentence on the place that the system could not use, or on what it has no more of.
 
     Args:
-        error: What the system said.
+        error: What the system said of a file that has a name, or of its limits.
     """
-    # a name that is too long is what the error is about: its ends are enough to find it
-    name = str(error.filename or "a file")
-    name = name if len(name) < 200 else f"{name[:80]}...{name[-40:]}"
-    return f"'{name}': expected a place the system can use, got '{error.strerror or error}'; give another."
+    why = error.strerror or str(error)
+    if is_spent(error):
+        where = f" at '{_ends(str(error.filename))}'" if error.filename else ""
+        return f"the system: expected room for another file, got '{why}'{where}; free some, and try again."
+    return f"'{_ends(str(error.filename))}': expected a place the system can use, got '{why}'; give another."
+
+
+def _ends(name: str) -> str:
+    """Return the ends of a name that is too long, which is what the error is about: they are enough to find
+    it."""
+    return name if len(name) < 200 else f"{name[:80]}...{name[-40:]}"
 
 
 def check_fields(settings: object, name: str) -> None:

@@ -61,7 +61,6 @@ def test_run_leaves_the_folder_that_was_promised(demo: Done) -> None:
         "torques.csv",
         "camera.csv",
         "clip.mp4",
-        "error.log",
         *DRAWN,
     }
     columns = list(table(demo.folder / "poses.csv"))
@@ -138,7 +137,7 @@ def test_run_json_says_what_was_run(demo: Done) -> None:
     log = json.loads((demo.folder / "run.json").read_text())
     assert log["status"] == "done"
     assert log["files"] == [*log["files"][:-1], "run.json"]
-    assert set(log["files"]) == set(FILES) - {"torques.csv", "camera.csv", "clip.mp4", "error.log", *DRAWN}
+    assert set(log["files"]) == set(FILES) - {"torques.csv", "camera.csv", "clip.mp4", *DRAWN}
     assert len(log["inputs"]["clip"]["sha256"]) == 64
     assert set(log["seconds"]) == {"segment", "locate", "track", "identify", "predict", "results"}
     assert log["settings"]["fit_frames"] == [0, 150]

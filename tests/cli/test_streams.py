@@ -22,6 +22,7 @@ from monodyn.cli.show import progress_on
 from monodyn.errors import SettingsError
 from monodyn.results.folder import RunFolder
 from monodyn.results.log import RunLog, recorded
+from monodyn.results.unforeseen import TRACEBACK
 from support import command, refuses
 
 
@@ -301,23 +302,86 @@ def test_ctrl_c_at_any_time_of_the_first_second(delay: float) -> None:
     assert (out.splitlines()[-1], err) in (("end 130", INTERRUPTED), ("end 0", ""))
 
 
-@pytest.mark.parametrize("out", [["--out", "{}"], ["--out={}"], []])
-def test_an_error_that_nobody_foresaw_ends_with_70_and_leaves_its_traceback(
-    out: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def broken(*_: object) -> int:
-        raise ZeroDivisionError("by nothing\nat all")
+def broken(*_: object, **__: object) -> int:
+    raise ZeroDivisionError("by nothing\nat all")
 
-    monkeypatch.setattr("monodyn.cli._dispatch", broken)
-    monkeypatch.setattr("tempfile.mkdtemp", lambda prefix: str(tmp_path / "elsewhere"))
-    folder = tmp_path / ("run" if out else "elsewhere")
-    done = command("run", "a.mp4", *(word.format(folder) for word in out))
-    assert done.code == 70
-    assert done.err == (
-        "monodyn: an error of Monodyn itself (ZeroDivisionError: by nothing at all); please report it to its "
-        f"makers with '{folder / 'error.log'}', which has the details.\n"
-    )
-    text = (folder / "error.log").read_text(encoding="utf-8")
-    assert "monodyn run a.mp4" in text
+
+SENT = (
+    "monodyn: an error of Monodyn itself (ZeroDivisionError: by nothing at all); please report it to its "
+    "makers with '{}', which has the details.\n"
+)
+
+
+def test_an_error_that_nobody_foresaw_ends_with_70_and_names_its_traceback(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever holds the folder writes it there, wherever its name came from; words of the command do not."""
+
+    def run(**_: object) -> int:
+        with recorded(RunFolder(tmp_path / "run"), RunLog("run", {}, {})):
+            return broken()
+
+    monkeypatch.setattr(show, "show_models", run)
+    monkeypatch.setattr(sys, "argv", ["/usr/bin/monodyn", "models"])
+    done, file = command("models"), tmp_path / "run" / TRACEBACK
+    assert (done.code, done.err) == (70, SENT.format(file))
+    text = file.read_text(encoding="utf-8")
+    assert text.splitlines()[1] == "monodyn models"
     assert "Traceback (most recent call last):" in text
     assert text.endswith("ZeroDivisionError: by nothing\nat all\n")
+
+
+def test_without_a_folder_the_traceback_goes_to_a_temporary_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    monkeypatch.setattr("monodyn.cli._dispatch", broken)
+    monkeypatch.setattr("tempfile.mkdtemp", lambda prefix: str(tmp_path))
+    done = command("run", "a.mp4", "--out", mine)
+    assert (done.code, done.err) == (70, SENT.format(tmp_path / TRACEBACK))
+    assert list(mine.iterdir()) == []
+
+
+def test_where_no_disk_takes_the_traceback_the_terminal_has_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("monodyn.cli._dispatch", broken)
+    monkeypatch.setattr("tempfile.mkdtemp", lambda prefix: str(tmp_path / "nowhere"))
+    done = command("models")
+    assert done.code == 70
+    assert done.err.endswith(
+        "ZeroDivisionError: by nothing\nat all\n\n"
+        "monodyn: an error of Monodyn itself (ZeroDivisionError: by nothing at all); please report it to its "
+        "makers with the lines above.\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (FileNotFoundError(errno.ENOENT, "No such file", "clip"), 2,
+         "'clip': expected a place the system can use, got 'No such file'; give another."),
+        (OSError(errno.ENOSPC, "No space left on device"), 2,
+         "the system: expected room for another file, got 'No space left on device'; free some, and try "
+         "again."),
+        (OSError(errno.EMFILE, "Too many open files", "clip"), 2,
+         "the system: expected room for another file, got 'Too many open files' at 'clip'; free some, and "
+         "try again."),
+        (ConnectionResetError(errno.ECONNRESET, "Connection reset by peer"), 70,
+         "an error of Monodyn itself (ConnectionResetError: "),
+        (BrokenPipeError(), 70, "an error of Monodyn itself (BrokenPipeError: )"),
+    ],
+)  # fmt: skip
+def test_only_what_the_system_says_of_a_file_or_of_its_limits_is_foreseen(
+    error: OSError, code: int, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*_: object) -> int:
+        raise error
+
+    monkeypatch.setattr("monodyn.cli._dispatch", failing)
+    monkeypatch.setattr("tempfile.mkdtemp", lambda prefix: str(tmp_path))
+    done = command("models")
+    assert done.code == code
+    assert done.err.startswith(f"monodyn: {said}")
+    assert done.err.count("\n") == 1

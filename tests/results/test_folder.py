@@ -198,6 +198,88 @@ def test_of_two_runs_at_once_one_is_done_and_the_other_told_of_it() -> None:
     assert re.search(r"^ *[1-4] second refused at once, its holder named$", done.stdout, re.MULTILINE)
 
 
+DAMAGED = ("", "\0\0\0\0", "{}", "[1]", '["../mine.txt"]', "[\xff")
+
+
+def between(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
+    """Kill a process right after the step; return the folder and the one that gave it its name."""
+    path = tmp_path / "run"
+    path.mkdir()
+    for name, text in {"poses.csv": "old", "overlay.mp4": "old", "mine.txt": "mine"}.items():
+        (path / name).write_text(text)
+    folder = RunFolder(path, force=True)
+    folder.write_text("poses.csv", "new")
+    with monkeypatch.context() as patch:
+        patch.setattr(swap, "_carry_over", lambda _: None)
+        folder.finish()
+    folder.close()
+    return path, tmp_path / ".run.replacing"
+
+
+@pytest.mark.parametrize("text", DAMAGED)
+def test_a_list_that_is_damaged_is_named_and_nothing_lost(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, beside = between(tmp_path, monkeypatch)
+    (path / swap.NEW).write_bytes(text.encode("latin-1"))
+    (tmp_path / "mine.txt").write_text("outside")
+    said = (
+        f"'{path / swap.NEW}': expected the list of the files of the run that was replaced, got a file that "
+        f"is damaged; these files are in '{beside}': move what you need of them elsewhere, then remove both."
+    )
+    for _ in range(2):
+        with refuses(SettingsError, said):
+            RunFolder(path, force=True)
+    # whoever only reads is not kept from it
+    recover(path)
+    assert not (path / "mine.txt").is_symlink()
+    assert {"poses.csv": "old", "overlay.mp4": "old"}.items() <= contents(beside).items()
+    assert (tmp_path / "mine.txt").read_text() == "outside"
+    # what is to be done helps
+    (path / swap.NEW).unlink()
+    assert contents(path) == {"poses.csv": "new", "mine.txt": "mine"}
+    beside.rename(tmp_path / "elsewhere")
+    RunFolder(path, force=True).close()
+    assert contents(path) == {"poses.csv": "new", "mine.txt": "mine"}
+
+
+def test_a_list_of_which_all_is_done_need_not_be_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, beside = between(tmp_path, monkeypatch)
+    recover(path)
+    assert not beside.exists()
+    (path / swap.NEW).write_text("")
+    RunFolder(path, force=True).close()
+    assert contents(path) == {"poses.csv": "new", "mine.txt": "mine"}
+
+
+@pytest.mark.parametrize("link", [False, True])
+def test_the_root_of_a_disk_is_refused(link: bool, tmp_path: Path) -> None:
+    root = Path(tmp_path.anchor)
+    if link:
+        (tmp_path / "link").symlink_to(root)
+        root = tmp_path / "link"
+    said = f"out '{root}': expected a folder with a name, got the root of a disk; give another with --out."
+    with refuses(SettingsError, said):
+        RunFolder(root)
+    assert not swap.is_unsettled(root)
+    swap.settle(root)
+    recover(root)
+
+
+def test_files_are_named_in_the_order_of_their_kind(tmp_path: Path) -> None:
+    """Not in that in which they were done: one of them may be written beside the others."""
+    for number, names in enumerate(
+        (("overlay.mp4", "fit.json", "poses.csv"), ("fit.json", "poses.csv", "overlay.mp4"))
+    ):
+        folder = RunFolder(tmp_path / str(number))
+        for name in names:
+            folder.write_text(name, "new")
+        folder.close()
+        assert folder.written == ["poses.csv", "fit.json", "overlay.mp4"]
+
+
 OTHER = FolderKind("experiment", ("page.html",), whole=True)
 
 

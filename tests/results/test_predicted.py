@@ -21,6 +21,7 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism.simulate import simulate
 from monodyn.results import predicted as predicted_module
 from monodyn.results.horizon import horizon_said
+from monodyn.results.lock import FolderLock
 from monodyn.results.predicted import Wanted, predict_run
 from monodyn.types import Poses
 from support import refuses
@@ -179,6 +180,26 @@ def test_what_cannot_be_predicted_or_drawn_is_refused(run, tmp_path):
         f"'{run}': expected the run of a clip, got one of tables, which has no camera; leave --film out.",
     ):
         predict_run(run, tmp_path / "ahead", film=True)
+
+
+def test_a_folder_that_is_in_use_or_taken_is_refused_before_the_work(run, tmp_path, monkeypatch):
+    def worked(*_) -> None:
+        raise AssertionError("began to work")
+
+    predict_run(run, tmp_path / "taken", Wanted({"joint1": 0.3}, until=0.5))
+    with monkeypatch.context() as patch:
+        for name in ("open_run", "restart", "_followed"):
+            patch.setattr(predicted_module, name, worked)
+        with pytest.raises(SettingsError, match=r"it holds prediction.csv; give another folder, or --force"):
+            predict_run(run, tmp_path / "taken")
+        lock = FolderLock(tmp_path / "held")
+        with pytest.raises(SettingsError, match="got one in use by process"):
+            predict_run(run, tmp_path / "held", force=True)
+        lock.release()
+    # what is refused later leaves no folder
+    with pytest.raises(SettingsError, match="until: expected"):
+        predict_run(run, tmp_path / "new", Wanted({"joint1": 0.0}, until=-1.0))
+    assert not (tmp_path / "new").exists()
 
 
 def test_a_film_that_is_interrupted_leaves_the_folder_as_it_was(run, tmp_path, monkeypatch):

@@ -15,7 +15,6 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
-from itertools import pairwise
 from typing import Any
 
 HELP = """Usage: monodyn COMMAND ...
@@ -82,7 +81,7 @@ def _main(words: list[str]) -> int:
     # the matrices are small: more threads only wait for each other, and numpy reads this when it is loaded
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from monodyn.cli.streams import never_lost
-    from monodyn.errors import FitError, MonodynError, is_interrupt
+    from monodyn.errors import FitError, MonodynError, is_interrupt, is_unforeseen
 
     came: list[int] = []
     try:
@@ -97,12 +96,12 @@ def _main(words: list[str]) -> int:
         if isinstance(error, MonodynError):
             _fail(str(error))
             return 1 if isinstance(error, FitError) else 2
-        if isinstance(error, OSError):
+        if isinstance(error, OSError) and not is_unforeseen(error):
             from monodyn.typed import unusable
 
             _fail(unusable(error))
             return 2
-        return _unforeseen(error, words)
+        return _unforeseen(error)
 
 
 def _interrupted(said: str = "nothing was written.", number: int = INTERRUPT) -> int:
@@ -111,18 +110,17 @@ def _interrupted(said: str = "nothing was written.", number: int = INTERRUPT) ->
     return SIGNALLED + number
 
 
-def _unforeseen(error: Exception, words: Sequence[str]) -> int:
-    """Say that Monodyn itself failed, and where the traceback is: in the folder of the run, if it has one."""
-    from monodyn.cli.streams import kept_traceback
+def _unforeseen(error: Exception) -> int:
+    """Say that Monodyn itself failed, and where the traceback is: next to the files of the run, if any."""
+    from monodyn.results.unforeseen import traceback_text, where_sent
 
-    named = [after for word, after in pairwise(words) if word == "--out"]
-    named += [word.removeprefix("--out=") for word in words if word.startswith("--out=")]
-    place = kept_traceback(error, words, named[-1] if named else None)
+    said = where_sent(error)
+    if not said:
+        # no disk takes it: the terminal is the only place left
+        print(traceback_text(error), file=sys.stderr)
+        said = "please report it to its makers with the lines above."
     what = f"{type(error).__name__}: {' '.join(str(error).split())}"
-    _fail(
-        f"an error of Monodyn itself ({what[:100]}); please report it to its makers with '{place}', "
-        "which has the details."
-    )
+    _fail(f"an error of Monodyn itself ({what[:100]}); {said}")
     return UNFORESEEN
 
 

@@ -15,7 +15,7 @@ import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -26,8 +26,6 @@ SPELT = "monodyn-spelt"
 """Name of what is done with a letter that a stream cannot encode."""
 SPELLINGS = {"−": "-", "–": "-", "±": "+-", "×": "x", "∞": "inf"}
 """Letters that numbers are written with, in those that every stream can encode."""
-LOG = "error.log"
-"""File of the traceback of an error that nobody foresaw; it belongs to the run folder, which replaces it."""
 SOON = 0.05
 """How much later a Ctrl-C comes again that may have been lost [s]."""
 ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
@@ -143,64 +141,86 @@ def never_lost() -> Iterator[list[int]]:
     Raises:
         KeyboardInterrupt: Ctrl-C was pressed, and something failed for the want of what it stopped.
     """
-    usual, main = sys.unraisablehook, threading.current_thread() is threading.main_thread()
-    # whoever calls us from a thread, or has a handler of their own, has other ways to end us
-    ours = [number for number, handler in ENDING.items() if main and signal.getsignal(number) is handler]
-    came: list[int] = []
-    dropped: list[bool] = []
-    again: list[bool] = []
-    over: list[bool] = []
-    # unlike all that has a lock it may be used in a handler, whatever that has interrupted
-    doubtful: SimpleQueue[bool] = SimpleQueue()
-
-    def repeat() -> None:
-        while doubtful.get():
-            time.sleep(SOON)
-            if over:
-                return
-            again.append(True)
-            _send(ours[0])
-
-    def press(number: int, frame: Any) -> None:
-        doubtful.put(True)
-        if not again:
-            came.append(number)
-            raise KeyboardInterrupt
-        again.clear()
-        if not is_interrupt(sys.exc_info()[1]):
-            raise KeyboardInterrupt
-
-    def hook(lost: Any) -> None:
-        if ours and issubclass(lost.exc_type, KeyboardInterrupt):
-            dropped.append(True)
-            doubtful.put(True)
-        else:
-            usual(lost)
-
-    sys.unraisablehook = hook
-    watch = threading.Thread(target=repeat, name="ctrl-c", daemon=True)
+    presses = _Presses()
     try:
-        if ours:
-            watch.start()
-        for number in ours:
-            signal.signal(number, press)
-        yield came
+        presses.watch()
+        yield presses.came
     except Exception as error:
         # where a library written in C was loaded, the error does not tell what is behind it
-        if came or dropped:
+        if presses.came or presses.dropped:
             raise KeyboardInterrupt from error
         raise
     finally:
-        over.append(True)
-        doubtful.put(False)
+        presses.end()
+
+
+class _Presses:
+    """The presses of Ctrl-C, and SIGTERM, each sent again until it is on its way up.
+
+    Attributes:
+        ours: The signals that are handled here.
+        came: Those that came from outside, in their order.
+        dropped: Whether Python dropped one.
+        sent: Whether the next one is one that was sent again.
+        over: Whether none is to be sent any more.
+        doubtful: True for each press that may be lost, False at the end. Unlike all that has a lock it may be
+            used in a handler, whatever that has interrupted.
+    """
+
+    def __init__(self) -> None:
+        # whoever calls us from a thread, or has a handler of their own, has other ways to end us
+        main = threading.current_thread() is threading.main_thread()
+        self.ours = [n for n, handler in ENDING.items() if main and signal.getsignal(n) is handler]
+        self.came: list[int] = []
+        self.dropped = self.sent = self.over = False
+        self.doubtful: SimpleQueue[bool] = SimpleQueue()
+        self._usual = sys.unraisablehook
+        self._thread = threading.Thread(target=self._repeat, name="ctrl-c", daemon=True)
+
+    def watch(self) -> None:
+        """Take the signals."""
+        sys.unraisablehook = self._drop
+        if self.ours:
+            self._thread.start()
+        for number in self.ours:
+            signal.signal(number, self._press)
+
+    def end(self) -> None:
+        """Give the signals back."""
+        self.over = True
+        self.doubtful.put(False)
         try:
             # what it has sent comes while it can still be told from another press
-            if ours:
-                watch.join()
+            if self._thread.ident is not None:
+                self._thread.join()
         finally:
-            for number in ours:
+            for number in self.ours:
                 signal.signal(number, ENDING[number])
-            sys.unraisablehook = usual
+            sys.unraisablehook = self._usual
+
+    def _repeat(self) -> None:
+        while self.doubtful.get():
+            time.sleep(SOON)
+            if self.over:
+                return
+            self.sent = True
+            _send(self.ours[0])
+
+    def _press(self, number: int, frame: Any) -> None:
+        self.doubtful.put(True)
+        if not self.sent:
+            self.came.append(number)
+            raise KeyboardInterrupt
+        self.sent = False
+        if not is_interrupt(sys.exc_info()[1]):
+            raise KeyboardInterrupt
+
+    def _drop(self, lost: Any) -> None:
+        if self.ours and issubclass(lost.exc_type, KeyboardInterrupt):
+            self.dropped = True
+            self.doubtful.put(True)
+        else:
+            self._usual(lost)
 
 
 def _send(number: int) -> None:
@@ -275,35 +295,6 @@ def _silence(stream: Any) -> None:
         number = os.open(os.devnull, os.O_WRONLY)
         os.dup2(number, stream.fileno())
         os.close(number)
-
-
-def kept_traceback(error: Exception, words: Sequence[str], out: str | None) -> Path:
-    """Return the file into which the traceback of an error was written, with what was run.
-
-    Args:
-        error: The error.
-        words: The command line.
-        out: Folder of the run; the file goes into a temporary folder where there is none.
-    """
-    import platform
-    import shlex
-    import traceback
-
-    import monodyn
-
-    text = (
-        f"monodyn {monodyn.__version__}, Python {platform.python_version()}, {platform.platform()}\n"
-        f"monodyn {shlex.join(words)}\n\n{''.join(traceback.format_exception(error))}"
-    )
-    folders = [Path(out)] if out else []
-    for folder in [*folders, Path(tempfile.mkdtemp(prefix="monodyn-"))]:
-        with contextlib.suppress(OSError, ValueError):
-            folder.mkdir(parents=True, exist_ok=True)
-            (folder / LOG).write_text(text, encoding="utf-8", errors="backslashreplace")
-            return folder / LOG
-    # no disk takes it: the terminal is the only place left
-    print(text, file=sys.stderr)
-    return Path("the error stream")
 
 
 def keep_compiled() -> str:

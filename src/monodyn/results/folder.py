@@ -18,10 +18,11 @@ from itertools import count
 from pathlib import Path
 
 from monodyn.choices import MOST_DRAWN
-from monodyn.errors import SettingsError
+from monodyn.errors import SettingsError, is_unforeseen
 from monodyn.results.exchange import settle_on_disk
 from monodyn.results.lock import LOCK, FolderLock
 from monodyn.results.swap import ASIDE, NEW, STAGE, is_unsettled, settle, take_place
+from monodyn.results.unforeseen import TRACEBACK, keep_traceback
 
 DRAWN = tuple(f"ensemble_{number:02d}.xml" for number in range(MOST_DRAWN))
 """Names of the models that are drawn from what the data allow."""
@@ -38,7 +39,6 @@ FILES = (
     "overlay.mp4",
     "diagnosis.png",
     "report.html",
-    "error.log",
     *DRAWN,
     "run.toml",
     "run.json",
@@ -82,7 +82,6 @@ class RunFolder:
         kind: What it holds.
         stage: Folder the files are written to; another one than ``path`` while an old run is being replaced,
             and until the end where its kind is ``whole``.
-        written: Names of the files written so far.
         finished: Whether it is complete, and in its place.
         notes: Where the files of a run are that was stopped here before, a sentence.
     """
@@ -110,7 +109,13 @@ class RunFolder:
         self.path, self.kind = Path(path), kind
         if not str(path):
             raise SettingsError("out: expected the name of a folder, got an empty one; give one with --out.")
-        self.written: list[str] = []
+        # without a name it cannot be exchanged with another one
+        if self.path.is_dir() and not self.path.resolve().name:
+            raise SettingsError(
+                f"out '{self.path}': expected a folder with a name, got the root of a disk; give another "
+                "with --out."
+            )
+        self._written: set[str] = set()
         self.notes: list[str] = []
         self.finished = False
         self._spare(inputs)
@@ -127,6 +132,11 @@ class RunFolder:
         except BaseException:
             self.close()
             raise
+
+    @property
+    def written(self) -> list[str]:
+        """Names of the files written so far, in the order of the kind."""
+        return [name for name in self.kind.files if name in self._written]
 
     def _begin(self, force: bool) -> Path:
         """Check what is in the folder; return where the files are to be written."""
@@ -164,7 +174,7 @@ class RunFolder:
 
     def _keep_remains(self, staged: bool) -> None:
         """Put what a run that was stopped has left where no other one comes, and note it."""
-        parts = [*(f".{name}.part" for name in self.kind.files), RECORDING]
+        parts = [*(f".{name}.part" for name in self.kind.files), RECORDING, TRACEBACK]
         loose = [name for name in (*parts, ASIDE) if (self.path / name).exists()]
         stage, there = self.path / STAGE, set()
         if stage.is_dir():
@@ -232,8 +242,7 @@ class RunFolder:
         except BaseException:
             part.unlink(missing_ok=True)
             raise
-        if name not in self.written:
-            self.written.append(name)
+        self._written.add(name)
 
     def write_text(self, name: str, text: str) -> None:
         """Write one text file.
@@ -261,7 +270,7 @@ class RunFolder:
             self.finished = True
         except BaseException as error:
             # the first error is reported; what stays undone is done when the folder is used next
-            with suppress(OSError):
+            with suppress(SettingsError, OSError):
                 settle(self.path)
             self.finished = self.stage != self.path and not self.stage.exists()
             if isinstance(error, OSError):
@@ -295,14 +304,28 @@ class RunFolder:
         try:
             yield
             self.finish()
-        except BaseException:
+        except BaseException as error:
+            self.keep_traceback(error)
             if not self.finished:
                 with suppress(SettingsError):
                     self._clear(self.stage)
-                self.written.clear()
+                self._written.clear()
             raise
         finally:
             self.close()
+
+    def keep_traceback(self, error: BaseException) -> list[str]:
+        """Write the traceback of an error that nobody foresaw next to what was written before it.
+
+        Args:
+            error: What ends the run; of any other one there is none.
+
+        Returns:
+            The name of the file, or nothing.
+        """
+        # a folder that is complete has the files of its run, and no others
+        kept = not self.finished and is_unforeseen(error) and keep_traceback(error, self.stage)
+        return [TRACEBACK] if kept else []
 
     def close(self) -> None:
         """Let others write to the folder; remove what was created for a run of which nothing was written."""

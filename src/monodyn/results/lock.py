@@ -26,6 +26,8 @@ LONGEST = 80
 """Characters of a command that are shown."""
 WITHOUT = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
 """What file systems say that have no locks: there nobody is kept out."""
+NOT_A_LINK = getattr(os, "O_NOFOLLOW", 0)
+"""Opens no file to which a link leads, where the system knows how."""
 TRIES = 100
 """How often the file may be removed by whoever had the folder before while it is being locked."""
 
@@ -82,29 +84,72 @@ class FolderLock:
 
 def _locked(folder: Path) -> int | None:
     """Return the descriptor of the locked file; None where it was removed meanwhile."""
-    from filelock import lock_descriptor
-
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / LOCK
     try:
-        number = os.open(file, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
+        number = os.open(file, os.O_RDWR | os.O_CREAT | NOT_A_LINK, 0o666)
     except FileNotFoundError:
         # whoever gave the folder back has removed it, too, as it was empty
         return None
+    except PermissionError as error:
+        _remove_of_another(folder, error)
+        return None
     kept = False
     try:
-        try:
-            if not lock_descriptor(number, blocking=False):
-                raise _in_use(folder)
-        except OSError as error:
-            if error.errno not in WITHOUT:
-                raise
+        _lock(number, folder)
         # the lock on a file that was removed keeps nobody out
         kept = _is_same(number, file)
     finally:
         if not kept:
             os.close(number)
     return number if kept else None
+
+
+def _lock(number: int, folder: Path) -> None:
+    """Lock an open file, unless somebody else has done it."""
+    from filelock import lock_descriptor
+
+    try:
+        if not lock_descriptor(number, blocking=False):
+            raise _in_use(folder)
+    except OSError as error:
+        if error.errno not in WITHOUT:
+            raise
+
+
+def _remove_of_another(folder: Path, refused: PermissionError) -> None:
+    """Remove the file of another user, who may not be written to, where no process holds it any more."""
+    file = folder / LOCK
+    try:
+        # a lock takes no right to write
+        number = os.open(file, os.O_RDONLY | NOT_A_LINK)
+    except FileNotFoundError:
+        raise refused from None
+    except PermissionError:
+        raise _in_the_way(file) from refused
+    try:
+        _lock(number, folder)
+        # whoever removes a file has locked it: what has the name now is this one still
+        if _is_same(number, file):
+            file.unlink(missing_ok=True)
+    except PermissionError as error:
+        # in a folder that cannot be written that is the reason, whatever is in it
+        raise (_in_the_way(file) if error.errno == errno.EPERM else refused) from None
+    finally:
+        os.close(number)
+
+
+def _in_the_way(file: Path) -> SettingsError:
+    """Return the complaint about a file that belongs to another user."""
+    whose = "another user"
+    # a user may have been removed, and Windows names none
+    with suppress(OSError, KeyError, NotImplementedError):
+        whose = f"the user '{file.owner()}'"
+    return SettingsError(
+        f"out '{file.parent}': expected a folder that nothing else writes to, got one with the {LOCK} of "
+        f"{whose}, which only they can remove; have it removed when their run has ended, or give another "
+        "with --out."
+    )
 
 
 def _is_same(number: int, file: Path) -> bool:
@@ -120,9 +165,14 @@ def _ourselves() -> dict[str, Any]:
     return {
         "process": os.getpid(),
         "host": socket.gethostname(),
-        "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "command": command_line(),
         "since": time.strftime("%Y-%m-%d %H:%M:%S"),
     }
+
+
+def command_line() -> str:
+    """Return the command line of this process."""
+    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
 
 
 def _in_use(folder: Path) -> SettingsError:

@@ -176,14 +176,15 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
 
 
 def _record_failure(folder: RunFolder, log: RunLog, error: BaseException, interrupted: bool) -> None:
-    """Write ``run.json`` of a run that did not come to its end."""
+    """Write ``run.json`` of a run that did not come to its end, and the traceback of what nobody foresaw."""
     message = str(error) if isinstance(error, MonodynError) else type(error).__name__
+    kept = folder.keep_traceback(error)
     # bad input of which nothing was written leaves no trace, not even an empty folder
     if not folder.finished and (folder.written or interrupted):
         status = "interrupted" if interrupted else "failed"
         with suppress(MonodynError):
             _write_again(folder, log)
-            folder.write_text("run.json", json_text(log.document(status, list(folder.written), message)))
+            folder.write_text("run.json", json_text(log.document(status, [*folder.written, *kept], message)))
 
 
 def _write_again(folder: RunFolder, log: RunLog) -> None:

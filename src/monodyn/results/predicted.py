@@ -131,7 +131,30 @@ def predict_run(
             there is nothing to draw the film on.
     """
     wanted = wanted or Wanted()
-    fit = open_run(run)
+    if clip is not None and not film:
+        raise SettingsError("clip: expected --film with it, got none; add it, or leave the clip out.")
+    if out is None:
+        return _predicted(open_run(run), wanted)
+    if Path(out).resolve() == Path(run).resolve():
+        raise SettingsError(
+            f"out '{out}': expected another folder than that of the run, whose prediction.csv it would "
+            "replace; give another with --out."
+        )
+    folder = RunFolder(out, force=force, inputs=[clip], kind=PREDICTION)
+    with folder.filling():
+        fit = open_run(run)
+        over = _clip(Path(run), clip) if film else None
+        background = None if over is None else _background(Path(run), over)
+        found = _predicted(fit, wanted)
+        notes = [] if over is None else _other_clip(Path(run), over)
+        found = replace(found, notes=(*found.notes, *notes, *folder.notes))
+        _write(folder, found, wanted, Path(run), background, progress)
+        folder.write_text(FILE, again_text("predict", {"run": run, "film": film, "clip": clip}, wanted))
+    return replace(found, folder=folder.path)
+
+
+def _predicted(fit: Fit, wanted: Wanted) -> Predicted:
+    """Return the motion of an identified mechanism, and what one should know about it."""
     if wanted.positions is not None:
         # what pushed the record does not push what is let go by hand
         fit = replace(fit, torques=())
@@ -142,32 +165,12 @@ def predict_run(
     end = start + float(stamps[-1] - stamps[0]) if wanted.until is None else wanted.until
     if not start < end < np.inf:
         raise SettingsError(f"until: expected a time after the start at {start:g} s, got {end:g} s.")
-    times = evenly(start, end, spacing(stamps))
-    over = _clip(Path(run), clip) if film else None
-    background = None if over is None else _background(Path(run), over)
-    if clip is not None and not film:
-        raise SettingsError("clip: expected --film with it, got none; add it, or leave the clip out.")
-    if out is not None and Path(out).resolve() == Path(run).resolve():
-        raise SettingsError(
-            f"out '{out}': expected another folder than that of the run, whose prediction.csv it would "
-            "replace; give another with --out."
-        )
-    states = _followed(begun, times)
-    found = Predicted(
-        begun, states, horizon(begun, wanted.tolerance),
-        (
-            *_stayed(fit.mechanism, begun.mechanism, wanted.fix), *_alone(fit, wanted.fix),
-            *_notes(begun, states, ends), *([] if over is None else _other_clip(Path(run), over)),
-        ),
+    states = _followed(begun, evenly(start, end, spacing(stamps)))
+    notes = (
+        *_stayed(fit.mechanism, begun.mechanism, wanted.fix), *_alone(fit, wanted.fix),
+        *_notes(begun, states, ends),
     )  # fmt: skip
-    if out is None:
-        return found
-    folder = RunFolder(out, force=force, inputs=[run, clip], kind=PREDICTION)
-    found = replace(found, notes=(*found.notes, *folder.notes))
-    with folder.filling():
-        _write(folder, found, wanted, Path(run), background, progress)
-        folder.write_text(FILE, again_text("predict", {"run": run, "film": film, "clip": clip}, wanted))
-    return replace(found, folder=folder.path)
+    return Predicted(begun, states, horizon(begun, wanted.tolerance), notes)
 
 
 def _refuse_sizes(fit: Fit, fix: Mapping[str, float]) -> None:

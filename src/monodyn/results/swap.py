@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from monodyn.errors import SettingsError
 from monodyn.results.exchange import can_exchange, exchange, settle_on_disk
 from monodyn.results.lock import LOCK, FolderLock
 
@@ -63,8 +64,11 @@ def settle(path: Path) -> None:
         path: The folder, which is locked.
 
     Raises:
+        SettingsError: The list of the files of the old run cannot be read.
         OSError: A file cannot be moved.
     """
+    if not is_unsettled(path):
+        return
     real = path.resolve()
     if (_beside(real) / NEW).exists():
         _undo(real)
@@ -83,6 +87,9 @@ def is_unsettled(path: Path) -> bool:
         path: The folder.
     """
     real = path.resolve()
+    # the whole of a disk has no name to exchange
+    if not real.name:
+        return False
     return any(place.exists() for place in (_beside(real) / NEW, real / NEW, path / ARRIVING, path / ASIDE))
 
 
@@ -130,17 +137,20 @@ def _exchange(real: Path, old: Sequence[str]) -> None:
 
 def _carry_over(real: Path) -> None:
     """Have all else in the old folder follow the name, and remove the old run."""
-    beside, old = _beside(real), json.loads((real / NEW).read_text(encoding="utf-8"))
+    beside = _beside(real)
     if beside.is_dir():
         for name in os.listdir(beside):
             said = _link(real, name)
             if _is_link(real / name, said):
                 exchange(real / name, beside / name)
-            elif name not in old and name != LOCK and not os.path.lexists(real / name):
-                # it came while the others were linked
-                os.rename(beside / name, real / name)
             if _is_link(beside / name, said):
                 (beside / name).unlink()
+        # without the list what has followed is safe, and the rest stays where it is
+        old = _listed(real / NEW, beside)
+        for name in os.listdir(beside):
+            # it came while the others were linked
+            if name not in old and name != LOCK and not os.path.lexists(real / name):
+                os.rename(beside / name, real / name)
         settle_on_disk(real)
         for name in (*old, LOCK):
             (beside / name).unlink(missing_ok=True)
@@ -148,6 +158,21 @@ def _carry_over(real: Path) -> None:
         with suppress(OSError):
             beside.rmdir()
     (real / NEW).unlink()
+
+
+def _listed(file: Path, beside: Path) -> list[str]:
+    """Return the names of the files of the old run, as they were written down before the step."""
+    try:
+        names = json.loads(file.read_text(encoding="utf-8"))
+        # a name that leads elsewhere is none of ours
+        if isinstance(names, list) and all(isinstance(one, str) and Path(one).name == one for one in names):
+            return names
+    except ValueError:
+        pass
+    raise SettingsError(
+        f"'{file}': expected the list of the files of the run that was replaced, got a file that is damaged; "
+        f"these files are in '{beside}': move what you need of them elsewhere, then remove both."
+    )
 
 
 def _undo(real: Path) -> None:
