@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import fields
+from typing import Any
+
 import numpy as np
 
 from monodyn.errors import MonodynError
@@ -44,6 +48,35 @@ def frozen(
         raise error(f"{where}: expected an array of shape ({expected}), got {array.shape}.")
     array.flags.writeable = False
     return array
+
+
+class Frozen:
+    """Base of dataclasses with read-only arrays: out of a pickle these are read-only again.
+
+    A pickle of numpy forgets that an array is, and for one that is not the kernels would be compiled anew.
+    What was computed from the fields is left behind.
+    """
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+        return _made, (type(self), values, [array.flags.writeable for array in _arrays(values.values())])
+
+
+def _made(kind: type, values: dict[str, Any], writeable: list[bool]) -> Any:
+    """Return an object with these fields, whose arrays were writeable or not."""
+    for array, free in zip(_arrays(values.values()), writeable, strict=True):
+        if not free:
+            array.flags.writeable = False
+    return kind(**values)
+
+
+def _arrays(values: Iterable[Any]) -> Iterator[np.ndarray]:
+    """Yield the arrays among values and in their tuples."""
+    for value in values:
+        if isinstance(value, np.ndarray):
+            yield value
+        elif isinstance(value, tuple):
+            yield from _arrays(value)
 
 
 def increasing(where: str, times: np.ndarray, *, error: type[MonodynError] = MonodynError) -> np.ndarray:

@@ -4,6 +4,10 @@ The children are named by what has to be corrected: the mechanism file, the clip
 one sentence: where, expected, got, what to do.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+
 
 class MonodynError(Exception):
     """Base of every exception that Monodyn raises on purpose."""
@@ -33,8 +37,24 @@ def is_interrupt(error: BaseException | None) -> bool:
     Args:
         error: What was raised; None is nothing.
     """
+    return any(isinstance(each, KeyboardInterrupt) for each in _chain(error))
+
+
+def behind(error: BaseException) -> BaseException:
+    """Return what a signal's handler raised where it came out as something else; any other error itself.
+
+    Args:
+        error: What was raised.
+    """
+    if isinstance(error, SystemError):
+        return next((each for each in _chain(error) if not isinstance(each, SystemError)), error)
+    if isinstance(error, ImportError):
+        return next((each for each in _chain(error) if isinstance(each, KeyboardInterrupt)), error)
+    return error
+
+
+def _chain(error: BaseException | None) -> Iterator[BaseException]:
+    """Yield an error, then those that led to it."""
     while error is not None:
-        if isinstance(error, KeyboardInterrupt):
-            return True
+        yield error
         error = error.__cause__ or error.__context__
-    return False

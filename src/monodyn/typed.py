@@ -7,14 +7,14 @@ matter. Checked is at the public door alone: what calls a function from inside p
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Collection, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence, Set
 from functools import cache, wraps
 from numbers import Integral, Real
 from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from monodyn.errors import SettingsError
+from monodyn.errors import SettingsError, behind
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 TRUTH = ("bool", "bool_")
@@ -30,6 +30,9 @@ def checked(function: Function) -> Function:
     Args:
         function: Any function with annotations.
 
+    Returns:
+        The function; what the handler of a signal raises comes out of it as itself.
+
     Raises:
         SettingsError: of what is returned, when it is called: an argument has another type, or names a place
             that the system cannot use.
@@ -41,11 +44,34 @@ def checked(function: Function) -> Function:
         given = signature.bind(*args, **kwargs).arguments
         check_types(function.__name__, given, _hints(function))
         try:
-            return function(*args, **kwargs)
-        except OSError as error:
-            raise SettingsError(f"{function.__name__}: {unusable(error)}") from error
+            made = function(*args, **kwargs)
+        except (OSError, SystemError, ImportError) as error:
+            raised = _plain(function.__name__, error)
+        else:
+            return _watched(function.__name__, made) if inspect.isgenerator(made) else made
+        # not while the other is handled: each would lead to the other
+        raise raised
 
     return call  # type: ignore[return-value]
+
+
+def _watched(where: str, made: Generator[Any, Any, Any]) -> Generator[Any, Any, Any]:
+    """Go through a generator, whose errors come out as those of a function do."""
+    try:
+        return (yield from made)
+    except (OSError, SystemError, ImportError) as error:
+        raised = _plain(where, error)
+    raise raised
+
+
+def _plain(where: str, error: Exception) -> BaseException:
+    """Return what is raised in place of an error: of a file the caller's sentence, of a signal its own."""
+    # one that names no file is not of the system, but of what the caller gave to be called
+    if not isinstance(error, OSError) or error.filename is None:
+        return behind(error)
+    refused = SettingsError(f"{where}: {unusable(error)}")
+    refused.__cause__ = error
+    return refused
 
 
 def unusable(error: OSError) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from monodyn.arrays import frozen, increasing
+from monodyn.arrays import Frozen, frozen, increasing
 from monodyn.errors import VideoError
 from monodyn.extras import extra
 from monodyn.markup import brief, card, counted, stretch, table
@@ -33,7 +33,7 @@ Progress = Callable[[str, int, int | None], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class Frame(Frozen):
     """One decoded picture in square pixels, upright.
 
     Attributes:
@@ -51,7 +51,7 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
-class Mask:
+class Mask(Frozen):
     """Soft foreground of one frame.
 
     Attributes:
@@ -102,7 +102,7 @@ class Camera:
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueLog:
+class TorqueLog(Frozen):
     """Torques that are known to have acted, as a controller logged them.
 
     Attributes:
@@ -135,7 +135,7 @@ class TorqueLog:
 
 
 @dataclass(frozen=True, eq=False)
-class Poses:
+class Poses(Frozen):
     """Measured joint positions of one record (a clip or an encoder log).
 
     Attributes:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from monodyn.arrays import Frozen
 from monodyn.errors import FitError
 from monodyn.estimation.parts import Combination, Common, Start, TriedTorque, Unmodelled
 from monodyn.extras import extra
@@ -81,7 +82,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Frozen):
     """An identified mechanism with its error bars.
 
     Attributes:

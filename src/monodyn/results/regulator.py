@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.arrays import frozen
+from monodyn.arrays import Frozen, frozen
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.extras import extra
@@ -87,7 +87,7 @@ class Stability(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Regulator:
+class Regulator(Frozen):
     """Gains that hold a mechanism in an equilibrium: torque = held torque - gain (q - position, v).
 
     The torques stay from one measurement to the next.
