@@ -10,6 +10,11 @@ import numpy as np
 
 from monodyn.errors import MonodynError
 
+WILD = 1e30
+"""Largest number of a record; powers of larger ones go beyond what the arithmetic can hold."""
+SHORTEST = 1e-9
+"""Shortest time between two rows of a record [s]."""
+
 
 def frozen(
     where: str,
@@ -35,8 +40,10 @@ def frozen(
         MonodynError: (or ``error``) the values are no numbers, or the number of axes or a length differs.
     """
     try:
-        array = np.array(values, dtype=dtype, order="C")
-    except (TypeError, ValueError, OverflowError):
+        # what is no whole number where one is wanted
+        with np.errstate(invalid="raise"):
+            array = np.array(values, dtype=dtype, order="C")
+    except (TypeError, ValueError, OverflowError, FloatingPointError):
         got = f"a value of type {type(values).__name__}"
         raise error(f"{where}: expected an array of numbers, got {got}; give another.") from None
     # most arrays are right at first sight; a generator for each would cost more than its copy
@@ -96,6 +103,31 @@ def increasing(where: str, times: np.ndarray, *, error: type[MonodynError] = Mon
     if np.any(steps <= 0):
         i = int(np.argmax(steps <= 0))
         raise error(f"{where}: must increase, but sample {i + 1} is {times[i + 1]:g} s after {times[i]:g} s.")
+    return times
+
+
+def clock(where: str, times: np.ndarray, *, error: type[MonodynError] = MonodynError) -> np.ndarray:
+    """Return ``times`` [s] (row,) if they increase as a clock of seconds does.
+
+    Args:
+        where: Name of the field or column, for the message.
+        times: Time stamps [s], shape (row,).
+        error: Class of the exception.
+
+    Raises:
+        MonodynError: (or ``error``) they are not finite, do not increase, or are such as no clock shows.
+    """
+    increasing(where, times, error=error)
+    if np.abs(times).max(initial=0.0) > WILD:
+        raise error(
+            f"{where}: expected times within {WILD:g} s of 0, got {times[np.argmax(np.abs(times))]:g}; give "
+            "them in seconds."
+        )
+    if np.diff(times).min(initial=np.inf) < SHORTEST:
+        raise error(
+            f"{where}: expected rows {SHORTEST:g} s apart or more, got two with {np.diff(times).min():g} s "
+            "between them; give the times in seconds."
+        )
     return times
 
 

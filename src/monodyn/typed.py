@@ -185,7 +185,10 @@ def _listed(value: Any) -> bool:
     """True for what has items one after the other; a text is one item."""
     if isinstance(value, str | bytes):
         return False
-    return isinstance(value, Sequence | Set) or hasattr(value, "__array__")
+    # an array without an axis is a number
+    return isinstance(value, Sequence | Set) or (
+        hasattr(value, "__array__") and hasattr(value, "__len__") and getattr(value, "ndim", 1) > 0
+    )
 
 
 def _said(hint: Any) -> str:
@@ -207,7 +210,11 @@ def _said(hint: Any) -> str:
     return f"{named} of {' and '.join(dict.fromkeys(items))}" if items else named
 
 
-def _kind(value: object) -> str:
+def _kind(value: Any) -> str:
     """Say what a value is: itself where it is short, else its type."""
     shown = isinstance(value, str | Real) and len(repr(value)) <= 40
-    return f"{value!r}" if shown or value is None else f"a value of type {type(value).__name__}"
+    if shown or value is None:
+        return f"{value!r}"
+    if type(value).__name__ == "ndarray":
+        return f"an array of shape {value.shape} and type {value.dtype}"
+    return f"a value of type {type(value).__name__}"

@@ -129,8 +129,8 @@ def refuse_one_axis(links: Sequence[Link], where: str) -> None:
             continue
         body, carrier = short(link.joint.body), short(above.joint.body)
         end = (
-            f"give '{body}' a pos, where its hinge is on '{carrier}'; what turns about one axle hangs from the "
-            "same body."
+            f"give '{body}' a pos, where its hinge is on '{carrier}'; what turns about one axle hangs from "
+            "the same body."
             if link.joint.body != above.joint.body
             else "only their sum shows, leave one out."
         )
