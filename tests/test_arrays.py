@@ -1,9 +1,19 @@
 """Shape checks: what is copied, what is refused."""
 
-import numpy as np
+import copy
+import pickle
+from collections.abc import Callable, Iterator
+from dataclasses import is_dataclass, replace
+from typing import Any
 
+import numpy as np
+import pytest
+
+import monodyn
 from monodyn.arrays import frozen, increasing, plain
 from monodyn.errors import MonodynError, SettingsError
+from monodyn.mechanism.simulate import rollout
+from monodyn.types import Poses
 from support import refuses
 
 
@@ -47,3 +57,48 @@ def test_what_is_no_number_is_refused() -> None:
         frozen("x", ["a", 1.0], (None,))
     with refuses(MonodynError, "x: expected an array of numbers, got a value of type dict; give another."):
         frozen("x", {}, (None,))
+
+
+@pytest.mark.parametrize("changed", [lambda x: pickle.loads(pickle.dumps(x)), copy.deepcopy, copy.copy])
+def test_what_is_pickled_is_as_read_only_as_it_was(changed: Callable[[Any], Any]) -> None:
+    mechanism = monodyn.load("single").with_torque("free", knots=np.array([0.0, 1.0]))
+    poses = replace(swinging(), torques=monodyn.TorqueLog(("joint1",), np.array([0.0, 2.0]), np.ones((2, 1))))
+    fit = monodyn.identify(swinging(), monodyn.load("single"), monodyn.IdentifySettings(torque="friction"))
+    ahead = monodyn.predict(fit, until=2.0)
+    picture = np.zeros((8, 8), np.uint8)
+    picture.flags.writeable = False
+    frame = monodyn.Frame(0, 0.0, picture, (picture, picture))
+    for given in (mechanism, mechanism.tree, mechanism.shapes, mechanism.drive, poses, fit, ahead, frame):
+        before, after = dict(arrays(given)), dict(arrays(changed(given)))
+        assert {name: laid_out(before[name]) for name in after} == {
+            name: laid_out(array) for name, array in after.items()
+        }
+        assert all(np.array_equal(before[name], array, equal_nan=True) for name, array in after.items())
+        assert after
+    again = changed(fit)
+    assert laid_out(again.mechanism.tree.links) == laid_out(fit.mechanism.tree.links)
+
+
+def arrays(given: Any, where: str = "") -> Iterator[tuple[str, np.ndarray]]:
+    """Yield all arrays of an object by their place in it."""
+    if isinstance(given, np.ndarray):
+        yield where, given
+    elif isinstance(given, tuple):
+        for k, one in enumerate(given):
+            yield from arrays(one, f"{where}[{k}]")
+    elif is_dataclass(given):
+        for name, value in vars(given).items():
+            yield from arrays(value, f"{where}.{name}")
+
+
+def laid_out(array: np.ndarray) -> tuple[Any, ...]:
+    """Return what a compiled function knows of an array."""
+    return array.dtype, array.shape, array.flags.writeable, array.flags.c_contiguous
+
+
+def swinging() -> Poses:
+    """Return a record of a single pendulum."""
+    time = np.arange(40) / 30
+    position, _ = rollout(monodyn.load("single").tree, time, np.array([0.5]), np.array([0.0]), substeps=8)
+    covariance, seen = np.full((40, 1, 1), 1e-6), np.ones(40, dtype=bool)
+    return Poses(("joint1",), np.arange(40), time, position, covariance, seen)

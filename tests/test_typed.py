@@ -1,13 +1,17 @@
 import inspect
 import os
+import signal
+from collections.abc import Iterator
 from typing import get_type_hints
 
 import numpy as np
 import pytest
 
 import monodyn
-from monodyn.errors import MonodynError, SettingsError
+from monodyn.errors import MonodynError, SettingsError, is_interrupt
+from monodyn.mechanism.simulate import rollout
 from monodyn.typed import checked, is_a
+from monodyn.types import Poses
 from support import refuses
 
 PUBLIC = [name for name in monodyn.__all__ if inspect.isfunction(getattr(monodyn, name))]
@@ -103,3 +107,67 @@ def test_a_checked_function_is_otherwise_the_same() -> None:
     assert checked(half).__doc__ == half.__doc__
     with pytest.raises(TypeError, match="missing a required argument"):
         checked(half)()
+
+
+@pytest.mark.parametrize("raised", [KeyboardInterrupt(), TimeoutError("too long")])
+def test_what_a_signal_raises_in_compiled_code_comes_out_as_itself(raised: BaseException) -> None:
+    def compiled() -> None:
+        """Fail as a compiled function does, in which a signal's handler has raised."""
+        raise SystemError("returned a result with an exception set") from raised
+
+    def streamed() -> Iterator[int]:
+        """Fail on the way."""
+        yield 1
+        compiled()
+
+    for act in (checked(compiled), lambda: list(checked(streamed)())):
+        with pytest.raises(type(raised)) as caught:
+            act()
+        assert caught.value is raised
+        # who looks for what led to it comes to an end
+        assert is_interrupt(caught.value) is isinstance(raised, KeyboardInterrupt)
+
+
+def test_a_library_whose_loading_ctrl_c_stops_is_not_missing() -> None:
+    def loads(behind: BaseException) -> None:
+        """Fail while a library is loaded."""
+        raise ImportError("numpy is not installed") from behind
+
+    with pytest.raises(KeyboardInterrupt):
+        checked(loads)(KeyboardInterrupt())
+    with pytest.raises(ImportError):
+        checked(loads)(ValueError())
+
+
+@pytest.mark.slow
+def test_ctrl_c_stops_a_prediction() -> None:
+    tree = monodyn.load("chain:4").tree
+    rows = np.linspace(0.0, 20.0, 400_000)
+    rollout(tree, rows[:3], np.ones(4), np.zeros(4), substeps=1)
+    signal.setitimer(signal.ITIMER_REAL, 0.2)
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            checked(rollout)(tree, rows, np.ones(4), np.zeros(4), substeps=4)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.parametrize("error", [OSError("disk"), TimeoutError(), OSError(28, "No space left on device")])
+def test_an_error_of_what_the_caller_gave_is_the_callers(error: OSError) -> None:
+    def progress(step: str, done: int, total: int | None) -> None:
+        """Fail as a callback may."""
+        raise error
+
+    with pytest.raises(type(error)) as caught:
+        monodyn.identify(swinging(), monodyn.load("single"), progress=progress)
+    assert caught.value is error
+
+
+def swinging() -> Poses:
+    """Return a record of a single pendulum."""
+    time = np.arange(40) / 30
+    position, _ = rollout(monodyn.load("single").tree, time, np.array([0.5]), np.array([0.0]), substeps=8)
+    covariance, seen = np.full((40, 1, 1), 1e-6), np.ones(40, dtype=bool)
+    return Poses(("joint1",), np.arange(40), time, position, covariance, seen)

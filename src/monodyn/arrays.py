@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import fields
+from typing import Any
+
 import numpy as np
 
 from monodyn.errors import MonodynError
+
+WILD = 1e30
+"""Largest number of a record; powers of larger ones go beyond what the arithmetic can hold."""
+SHORTEST = 1e-9
+"""Shortest time between two rows of a record [s]."""
 
 
 def frozen(
@@ -31,8 +40,10 @@ def frozen(
         MonodynError: (or ``error``) the values are no numbers, or the number of axes or a length differs.
     """
     try:
-        array = np.array(values, dtype=dtype, order="C")
-    except (TypeError, ValueError, OverflowError):
+        # what is no whole number where one is wanted
+        with np.errstate(invalid="raise"):
+            array = np.array(values, dtype=dtype, order="C")
+    except (TypeError, ValueError, OverflowError, FloatingPointError):
         got = f"a value of type {type(values).__name__}"
         raise error(f"{where}: expected an array of numbers, got {got}; give another.") from None
     # most arrays are right at first sight; a generator for each would cost more than its copy
@@ -44,6 +55,35 @@ def frozen(
         raise error(f"{where}: expected an array of shape ({expected}), got {array.shape}.")
     array.flags.writeable = False
     return array
+
+
+class Frozen:
+    """Base of dataclasses with read-only arrays: out of a pickle these are read-only again.
+
+    A pickle of numpy forgets that an array is, and for one that is not the kernels would be compiled anew.
+    What was computed from the fields is left behind.
+    """
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+        return _made, (type(self), values, [array.flags.writeable for array in _arrays(values.values())])
+
+
+def _made(kind: type, values: dict[str, Any], writeable: list[bool]) -> Any:
+    """Return an object with these fields, whose arrays were writeable or not."""
+    for array, free in zip(_arrays(values.values()), writeable, strict=True):
+        if not free:
+            array.flags.writeable = False
+    return kind(**values)
+
+
+def _arrays(values: Iterable[Any]) -> Iterator[np.ndarray]:
+    """Yield the arrays among values and in their tuples."""
+    for value in values:
+        if isinstance(value, np.ndarray):
+            yield value
+        elif isinstance(value, tuple):
+            yield from _arrays(value)
 
 
 def increasing(where: str, times: np.ndarray, *, error: type[MonodynError] = MonodynError) -> np.ndarray:
@@ -63,6 +103,31 @@ def increasing(where: str, times: np.ndarray, *, error: type[MonodynError] = Mon
     if np.any(steps <= 0):
         i = int(np.argmax(steps <= 0))
         raise error(f"{where}: must increase, but sample {i + 1} is {times[i + 1]:g} s after {times[i]:g} s.")
+    return times
+
+
+def clock(where: str, times: np.ndarray, *, error: type[MonodynError] = MonodynError) -> np.ndarray:
+    """Return ``times`` [s] (row,) if they increase as a clock of seconds does.
+
+    Args:
+        where: Name of the field or column, for the message.
+        times: Time stamps [s], shape (row,).
+        error: Class of the exception.
+
+    Raises:
+        MonodynError: (or ``error``) they are not finite, do not increase, or are such as no clock shows.
+    """
+    increasing(where, times, error=error)
+    if np.abs(times).max(initial=0.0) > WILD:
+        raise error(
+            f"{where}: expected times within {WILD:g} s of 0, got {times[np.argmax(np.abs(times))]:g}; give "
+            "them in seconds."
+        )
+    if np.diff(times).min(initial=np.inf) < SHORTEST:
+        raise error(
+            f"{where}: expected rows {SHORTEST:g} s apart or more, got two with {np.diff(times).min():g} s "
+            "between them; give the times in seconds."
+        )
     return times
 
 

@@ -48,18 +48,20 @@ class Tolerance:
         return self.angle if joint == "hinge" else self.length
 
 
-def check_whole(name: str, value: object) -> None:
+def check_whole(name: str, value: object, most: int | None = None) -> None:
     """Refuse what is no count, nor a seed.
 
     Args:
         name: Name of the setting, for the message.
         value: What was given.
+        most: Largest that it may be; None for any.
 
     Raises:
-        SettingsError: ``value`` is no whole number, or less than 0.
+        SettingsError: ``value`` is no whole number, less than 0, or too large.
     """
-    if not isinstance(value, Integral) or value < 0:
-        raise SettingsError(f"{name}: expected 0 or more, got {value}; give a whole number.")
+    if not isinstance(value, Integral) or value < 0 or (most is not None and value > most):
+        expected = "0 or more" if most is None else f"0 to {most}"
+        raise SettingsError(f"{name}: expected {expected}, got {value}; give a whole number.")
 
 
 def check_endless(path: Path, error: type[MonodynError]) -> None:

@@ -4,7 +4,10 @@ The children are named by what has to be corrected: the mechanism file, the clip
 one sentence: where, expected, got, what to do.
 """
 
+from __future__ import annotations
+
 import errno
+from collections.abc import Iterator
 
 SPENT = ("ENOSPC", "EDQUOT", "EFBIG", "EMFILE", "ENFILE", "ENOMEM")
 """What the system says when its disks or its limits are reached, whatever file it happens at."""
@@ -38,11 +41,27 @@ def is_interrupt(error: BaseException | None) -> bool:
     Args:
         error: What was raised; None is nothing.
     """
+    return any(isinstance(each, KeyboardInterrupt) for each in _chain(error))
+
+
+def behind(error: BaseException) -> BaseException:
+    """Return what a signal's handler raised where it came out as something else; any other error itself.
+
+    Args:
+        error: What was raised.
+    """
+    if isinstance(error, SystemError):
+        return next((each for each in _chain(error) if not isinstance(each, SystemError)), error)
+    if isinstance(error, ImportError):
+        return next((each for each in _chain(error) if isinstance(each, KeyboardInterrupt)), error)
+    return error
+
+
+def _chain(error: BaseException | None) -> Iterator[BaseException]:
+    """Yield an error, then those that led to it."""
     while error is not None:
-        if isinstance(error, KeyboardInterrupt):
-            return True
+        yield error
         error = error.__cause__ or error.__context__
-    return False
 
 
 def is_spent(error: OSError) -> bool:

@@ -7,14 +7,14 @@ matter. Checked is at the public door alone: what calls a function from inside p
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Collection, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence, Set
 from functools import cache, wraps
 from numbers import Integral, Real
 from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from monodyn.errors import SettingsError, is_spent, is_unforeseen
+from monodyn.errors import SettingsError, behind, is_spent
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 TRUTH = ("bool", "bool_")
@@ -30,6 +30,9 @@ def checked(function: Function) -> Function:
     Args:
         function: Any function with annotations.
 
+    Returns:
+        The function; what the handler of a signal raises comes out of it as itself.
+
     Raises:
         SettingsError: of what is returned, when it is called: an argument has another type, or names a place
             that the system cannot use; a disk is full, or another limit of the system is reached.
@@ -41,13 +44,34 @@ def checked(function: Function) -> Function:
         given = signature.bind(*args, **kwargs).arguments
         check_types(function.__name__, given, _hints(function))
         try:
-            return function(*args, **kwargs)
-        except OSError as error:
-            if is_unforeseen(error):
-                raise
-            raise SettingsError(f"{function.__name__}: {unusable(error)}") from error
+            made = function(*args, **kwargs)
+        except (OSError, SystemError, ImportError) as error:
+            raised = _plain(function.__name__, error)
+        else:
+            return _watched(function.__name__, made) if inspect.isgenerator(made) else made
+        # not while the other is handled: each would lead to the other
+        raise raised
 
     return call  # type: ignore[return-value]
+
+
+def _watched(where: str, made: Generator[Any, Any, Any]) -> Generator[Any, Any, Any]:
+    """Go through a generator, whose errors come out as those of a function do."""
+    try:
+        return (yield from made)
+    except (OSError, SystemError, ImportError) as error:
+        raised = _plain(where, error)
+    raise raised
+
+
+def _plain(where: str, error: Exception) -> BaseException:
+    """Return what is raised in place of an error: of a file the caller's sentence, of a signal its own."""
+    # one that names no file is not of the system, but of what the caller gave to be called
+    if not isinstance(error, OSError) or not (error.filename or is_spent(error)):
+        return behind(error)
+    refused = SettingsError(f"{where}: {unusable(error)}")
+    refused.__cause__ = error
+    return refused
 
 
 def unusable(error: OSError) -> str:
@@ -168,7 +192,10 @@ def _listed(value: Any) -> bool:
     """True for what has items one after the other; a text is one item."""
     if isinstance(value, str | bytes):
         return False
-    return isinstance(value, Sequence | Set) or hasattr(value, "__array__")
+    # an array without an axis is a number
+    return isinstance(value, Sequence | Set) or (
+        hasattr(value, "__array__") and hasattr(value, "__len__") and getattr(value, "ndim", 1) > 0
+    )
 
 
 def _said(hint: Any) -> str:
@@ -190,7 +217,11 @@ def _said(hint: Any) -> str:
     return f"{named} of {' and '.join(dict.fromkeys(items))}" if items else named
 
 
-def _kind(value: object) -> str:
+def _kind(value: Any) -> str:
     """Say what a value is: itself where it is short, else its type."""
     shown = isinstance(value, str | Real) and len(repr(value)) <= 40
-    return f"{value!r}" if shown or value is None else f"a value of type {type(value).__name__}"
+    if shown or value is None:
+        return f"{value!r}"
+    if type(value).__name__ == "ndarray":
+        return f"an array of shape {value.shape} and type {value.dtype}"
+    return f"a value of type {type(value).__name__}"

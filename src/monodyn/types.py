@@ -6,6 +6,7 @@ body, param, height, width. SI units and radians throughout.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from monodyn.arrays import frozen, increasing
+from monodyn.arrays import Frozen, clock, frozen
 from monodyn.errors import VideoError
 from monodyn.extras import extra
 from monodyn.markup import brief, card, counted, stretch, table
@@ -33,7 +34,7 @@ Progress = Callable[[str, int, int | None], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class Frame(Frozen):
     """One decoded picture in square pixels, upright.
 
     Attributes:
@@ -51,7 +52,7 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
-class Mask:
+class Mask(Frozen):
     """Soft foreground of one frame.
 
     Attributes:
@@ -102,7 +103,7 @@ class Camera:
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueLog:
+class TorqueLog(Frozen):
     """Torques that are known to have acted, as a controller logged them.
 
     Attributes:
@@ -122,7 +123,7 @@ class TorqueLog:
         set_(self, "time", frozen("TorqueLog.time", self.time, (None,), error=VideoError))
         shape = (len(self.time), len(self.joints))
         set_(self, "torque", frozen("TorqueLog.torque", self.torque, shape, error=VideoError))
-        increasing("TorqueLog.time", self.time, error=VideoError)
+        clock("TorqueLog.time", self.time, error=VideoError)
         if len(self.time) < 2 or not np.isfinite(self.torque).all() or not self.torque.any():
             raise VideoError(
                 "TorqueLog: expected two rows or more of finite torques that are not all zero, got others; "
@@ -135,7 +136,7 @@ class TorqueLog:
 
 
 @dataclass(frozen=True, eq=False)
-class Poses:
+class Poses(Frozen):
     """Measured joint positions of one record (a clip or an encoder log).
 
     Attributes:
@@ -199,7 +200,11 @@ class Poses:
         if self.shifts is not None:
             shifts = frozen("Poses.shifts", self.shifts, (None, frames, dofs), error=VideoError)
             set_(self, "shifts", shifts)
-        increasing("Poses.time", self.time, error=VideoError)
+        clock("Poses.time", self.time, error=VideoError)
+        if self.roll is not None and not abs(self.roll) <= 2.0 * math.pi:
+            raise VideoError(
+                f"Poses.roll: expected an angle within a turn [rad], got {self.roll:g}; give it in radians."
+            )
 
     def __len__(self) -> int:
         return len(self.time)
@@ -321,7 +326,8 @@ def _forward(rows: object) -> bool:
 def _asked(rows: object) -> str:
     """Return what stood within the brackets."""
     if not isinstance(rows, slice):
-        return str(rows)
+        said = str(rows)
+        return said if len(said) <= 40 and "\n" not in said else f"a value of type {type(rows).__name__}"
     ends = ["" if end is None else str(end) for end in (rows.start, rows.stop, rows.step)]
     return ":".join(ends)
 

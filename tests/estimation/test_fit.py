@@ -123,15 +123,17 @@ def test_what_cannot_be_drawn_is_refused(fit, poses, double, monkeypatch):
 
 def test_a_fit_says_in_one_line_what_it_is(fit, poses, double):
     count = len(fit.shared)
-    assert repr(fit) == f"<Fit of 'double': {fit.grade}, {count} parameters from {len(poses)} frames>"
+    assert (
+        repr(fit) == f"<Fit of 'double': {fit.grade}, {count} estimated parameters from {len(poses)} frames>"
+    )
     two = replace(fit, time=(fit.time[0], fit.time[0][:9]))
-    assert repr(two).endswith(f" parameters from {len(poses) + 9} frames of 2 records>")
+    assert repr(two).endswith(f" estimated parameters from {len(poses) + 9} frames of 2 records>")
     found = replace(fit, advice=("Measure <one> mass.",))._repr_html_()
     assert fit.status in found
     assert "Measure &lt;one&gt; mass." in found
     assert found.count("<tr>") == 1 + count + (1 + len(fit.combinations) if fit.combinations else 0)
     refused = identify(poses[:4], double)
-    assert repr(refused) == "<Fit of 'double': refused, 0 parameters from 4 frames>"
+    assert repr(refused) == "<Fit of 'double': refused, 0 estimated parameters from 4 frames>"
     assert refused.status.split()[0] in refused._repr_html_()
 
 

@@ -104,6 +104,20 @@ def ended(last: str) -> str:
             '<!DOCTYPE x [<!ENTITY a "b">]><mujoco/>',
             "m.xml: document types and entities are not supported; remove <!DOCTYPE>.",
         ),
+        (
+            f"<mujoco {' '.join(f'a{k}={chr(34)}{chr(34)}' for k in range(101))}/>",
+            "m.xml: <mujoco>: expected at most 100 attributes, got 101; leave out what it does not need.",
+        ),
+        (
+            mjcf(SINGLE + 5000 * '<site pos="0 0 0"/>'),
+            "m.xml: expected at most 5000 elements, those of every <replicate> and <include> counted, got "
+            "more; leave out what does not move.",
+        ),
+        (
+            mjcf(f"<replicate count='900'>{6 * '<site/>'}</replicate>"),
+            "m.xml: expected at most 5000 elements, those of every <replicate> and <include> counted, got "
+            "more; leave out what does not move.",
+        ),
     ],
 )
 def test_what_a_text_must_not_hold_is_refused(tmp_path: Path, text: str, message: str) -> None:
@@ -195,7 +209,7 @@ def test_files_too_big_or_unreadable_are_refused(tmp_path: Path, monkeypatch: py
             load(tmp_path / "m.xml")
     with (tmp_path / "m.xml").open("ab") as file:
         file.truncate(20_000_000)  # a hole, which takes no room on the disk
-    with refuses(MechanismError, "m.xml: expected at most 16 MB, got 20 MB; give a smaller file."):
+    with refuses(MechanismError, "m.xml: expected at most 4 MB, got 20 MB; give a smaller file."):
         load(tmp_path / "m.xml")
 
 
@@ -245,3 +259,8 @@ def test_a_joint_of_urdf_alone_is_refused_by_its_name(tmp_path: Path, kind: str)
         f"{kind} one; replace it.",
     ):
         read(tmp_path, text, "m.urdf")
+
+
+def test_what_is_dropped_does_not_count(tmp_path: Path) -> None:
+    mechanism = read(tmp_path, mjcf(6000 * "<camera/>" + SINGLE + 6000 * "<light/>"))
+    assert len(mechanism.joints) == 1

@@ -96,7 +96,9 @@ def test_what_mujoco_makes_otherwise_is_refused(tmp_path: Path, text: str, messa
 
 def test_two_parts_of_one_name_are_refused(tmp_path) -> None:
     # The second geom of body 'a' is called 'b', and so is the body 'a.b'.
-    second = '<geom name="b" size=".01"/>' + body_with('<joint name="j2" axis="0 -1 0"/>', name="a.b")
+    second = '<geom name="b" size=".01"/>' + body_with(
+        '<joint name="j2" axis="0 -1 0" pos="0.1 0 0"/>', name="a.b"
+    )
     with pytest.raises(MechanismError) as caught:
         read(tmp_path, mjcf(body_with(HINGE, second)))
     assert str(caught.value) == (

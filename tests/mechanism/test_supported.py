@@ -4,9 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from models import SINGLE, body_with, mjcf, read
+from models import HINGE, SINGLE, body_with, mjcf, read
 from monodyn.errors import MechanismError
+from monodyn.mechanism import load
 from support import refuses
+
+KNEE = '<joint name="j2" axis="0 -1 0"/>'
 
 
 @pytest.mark.parametrize(
@@ -110,3 +113,40 @@ def test_more_than_can_be_searched_is_refused(tmp_path) -> None:
     body = '<body><joint type="hinge" axis="0 -1 0"/><geom size=".1"/></body>'
     with refuses(MechanismError, "m.xml: expected at most 30 joints, got 31; leave out what does not move."):
         read(tmp_path, mjcf(31 * body))
+
+
+def test_hinges_of_a_chain_that_turn_about_one_axis_are_refused(tmp_path: Path) -> None:
+    with refuses(
+        MechanismError,
+        "m.xml: joints 'j1', 'j2': expected hinges in different places, got two that turn about the same "
+        "axis; give 'b' a pos, where its hinge is on 'a'; what turns about one axle hangs from the same "
+        "body.",
+    ):
+        read(tmp_path, mjcf(body_with(HINGE, body_with(KNEE, name="b"))))
+    with refuses(
+        MechanismError,
+        "m.xml: joints 'j1', 'j2': expected hinges in different places, got two that turn about the same "
+        "axis; only their sum shows, leave one out.",
+    ):
+        read(tmp_path, mjcf(body_with(HINGE + KNEE)))
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        body_with('<joint name="s" type="slide" axis="1 0 0"/><joint name="h" axis="0 -1 0"/>'),
+        body_with('<joint name="s" type="slide" axis="1 0 0"/>', body_with(HINGE, name="b")),
+        body_with(HINGE, body_with('<joint name="s" type="slide" axis="1 0 0"/>', name="b")),
+        body_with(HINGE) + body_with(KNEE, name="b"),
+        body_with(HINGE, body_with('<joint name="j2" axis="0 -1 0" pos="0.001 0 0"/>', name="b")),
+        # a hinge on an arm that is welded to the body of the one above
+        body_with(HINGE, f'<body pos="0.1 0 0">{body_with(KNEE, name="b")}</body>'),
+    ],
+)
+def test_other_joints_in_one_place_are_read(tmp_path: Path, body: str) -> None:
+    assert len(read(tmp_path, mjcf(body)).joints) == 2
+
+
+@pytest.mark.parametrize("name", ["single", "double", "triple", "bob", "cartpole", "chain:5"])
+def test_bundled_models_are_read(name: str) -> None:
+    assert load(name).joints

@@ -156,12 +156,12 @@ def test_numbers_that_are_none_are_refused() -> None:
             f"lqr: expected a number from 1e-05 to 100000 for {name}, got {value:g}; change it.",
         ):
             lqr(fit, upright, actuated=motors, rate=value)
-    with refuses(SettingsError, "lqr: expected 0 draws or more, got -1; change it."):
+    with refuses(SettingsError, "draws: expected 0 to 100, got -1; give a whole number."):
         lqr(fit, upright, actuated=motors, draws=-1)
     for seed in (-1, 1.5, np.nan):
         with refuses(SettingsError, f"seed: expected 0 or more, got {seed}; give a whole number."):
             lqr(fit, upright, actuated=motors, seed=seed)
-    with refuses(SettingsError, "draws: expected 0 or more, got 1.5; give a whole number."):
+    with refuses(SettingsError, "draws: expected 0 to 100, got 1.5; give a whole number."):
         lqr(fit, upright, actuated=motors, draws=1.5)
     with refuses(SettingsError, "actuated: expected a list of joints, got 'joint1'; give ['joint1']."):
         lqr(fit, upright, actuated="joint1")

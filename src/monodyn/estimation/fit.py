@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from monodyn.arrays import Frozen
 from monodyn.errors import FitError
 from monodyn.estimation.parts import Combination, Common, Start, TriedTorque, Unmodelled
 from monodyn.extras import extra
@@ -23,6 +24,7 @@ from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.tree import Directions
 from monodyn.names import known
 from monodyn.numbers import interval, number
+from monodyn.typed import checked
 from monodyn.types import TorqueLog
 
 if TYPE_CHECKING:
@@ -81,7 +83,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Frozen):
     """An identified mechanism with its error bars.
 
     Attributes:
@@ -116,6 +118,8 @@ class Fit:
             record, so that nothing in it prefers this fit.
         common: Errors that the positions of each record have in common; None for a record of which nothing
             is said, empty where nothing is of any.
+        unknowns: How many parameters were estimated, where ``parameters`` are those of a written model in
+            place of these; None where they are the free ones.
     """
 
     status: str
@@ -140,6 +144,7 @@ class Fit:
     tried_torques: tuple[TriedTorque, ...] = ()
     alternatives: tuple[Mapping[str, float], ...] = ()
     common: tuple[Common | None, ...] = ()
+    unknowns: int | None = None
 
     def common_of(self, record: int) -> Common | None:
         """Return what the positions of a record have in common; None where nothing is said of it.
@@ -390,7 +395,8 @@ class Fit:
 
     def __repr__(self) -> str:
         frames = counted(sum(len(stamps) for stamps in self.time), "frame")
-        parameters = counted(len(self.shared), "parameter")
+        unknowns = len(self.shared) if self.unknowns is None else self.unknowns
+        parameters = counted(unknowns, "estimated parameter")
         records = f" of {counted(len(self.time), 'record')}" if len(self.time) > 1 else ""
         return f"<Fit of {self.mechanism.name!r}: {self.grade}, {parameters} from {frames}{records}>"
 
@@ -410,6 +416,7 @@ class Fit:
             shown += table(("combination", "value", "std", "unit"), ratios, words=("unit",))
         return card(repr(self), sentences([self.status]), shown, sentences(self.advice))
 
+    @checked
     def parameter(self, name: str) -> Estimate:
         """Return one parameter by name.
 
@@ -418,6 +425,7 @@ class Fit:
 
         Raises:
             FitError: There is no such parameter.
+            SettingsError: From deeper down: the name is no text.
         """
         for estimate in self.parameters:
             if estimate.name == name:

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.arrays import Frozen, frozen
+
 
 @dataclass(frozen=True)
 class Combination:
@@ -31,7 +33,7 @@ class Combination:
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class Start(Frozen):
     """State at the first fitted sample of a record.
 
     Attributes:
@@ -45,6 +47,11 @@ class Start:
     position: np.ndarray
     velocity: np.ndarray
     covariance: np.ndarray
+
+    def __post_init__(self) -> None:
+        dofs = len(self.position)
+        for name, shape in (("position", (dofs,)), ("velocity", (dofs,)), ("covariance", (2 * dofs,) * 2)):
+            object.__setattr__(self, name, frozen(f"Start.{name}", getattr(self, name), shape))
 
 
 class TriedTorque(NamedTuple):

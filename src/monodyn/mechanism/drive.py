@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from numba import njit
 
-from monodyn.arrays import frozen, increasing
+from monodyn.arrays import Frozen, frozen, increasing
 from monodyn.errors import MechanismError, SettingsError
 from monodyn.mechanism.tree import Directions
 
@@ -25,7 +25,7 @@ SIDE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class Drive(Frozen):
     """Torque over true time at every joint.
 
     * ``FOURIER``: tau = mean + sum_k cos_k cos(2 pi k t / T) + sin_k sin(2 pi k t / T); a row of the table is

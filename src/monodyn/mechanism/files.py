@@ -12,8 +12,13 @@ from pathlib import Path
 from xml.parsers import expat
 
 from monodyn.errors import MechanismError
+from monodyn.names import short
 
-MAX_TEXT_BYTES = 16_000_000
+MAX_TEXT_BYTES = 4_000_000
+MAX_ATTRIBUTES = 100
+"""Of one element: the time in which MuJoCo reads them grows with their square."""
+MAX_ELEMENTS = 5000
+"""Of a mechanism, with all it includes and every copy: so does that of its elements."""
 MAX_MESH_BYTES = 200_000_000
 MAX_INCLUDES = 64
 MAX_COPIES = 1000
@@ -63,7 +68,7 @@ def read_mechanism(path: Path) -> tuple[str, bool, dict[str, bytes]]:
     folder = path.resolve().parent
     urdf = root.tag == "robot"
     _include(root, folder, [0])
-    _drop(root, path.name, urdf)
+    _drop(root, path.name, urdf, [0])
     if urdf:
         _keep_looks(root)
     meshes = _take_meshes(root, path.name, folder)
@@ -86,7 +91,8 @@ def parse(path: Path) -> ET.Element:
         path: The file.
 
     Raises:
-        MechanismError: It is missing, unreadable, too big, too deep, not XML, or declares a document type.
+        MechanismError: It is missing, unreadable, too big, too deep, not XML, or declares a document type, or
+            an element has too many attributes.
     """
     text = read_bytes(path, MAX_TEXT_BYTES, path.name)
 
@@ -99,8 +105,13 @@ def parse(path: Path) -> ET.Element:
     # refused.
     depth = 0
 
-    def enter(*_: object) -> None:
+    def enter(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth
+        if len(attributes) > MAX_ATTRIBUTES:
+            raise MechanismError(
+                f"{path.name}: <{short(tag)}>: expected at most {MAX_ATTRIBUTES} attributes, got "
+                f"{len(attributes)}; leave out what it does not need."
+            )
         depth += 1
         if depth > MAX_DEPTH:
             raise MechanismError(
@@ -200,13 +211,12 @@ def _include(element: ET.Element, folder: Path, count: list[int], depth: int = 0
         element[place : place + 1] = list(included)
 
 
-def _drop(element: ET.Element, where: str, urdf: bool, copies: int = 1) -> None:
-    """Drop what cannot matter and refuse by name what could; ``copies`` are those of replicates around it."""
-    for child in list(element):
+def _drop(element: ET.Element, where: str, urdf: bool, total: list[int], copies: int = 1) -> None:
+    """Drop what cannot matter and refuse by name what could; ``total`` holds how many elements were kept,
+    ``copies`` are those of replicates around it."""
+    element[:] = [child for child in element if child.tag not in UNUSED or (urdf and child.tag == "visual")]
+    for child in element:
         tag = child.tag
-        if tag in UNUSED and not (urdf and tag == "visual"):
-            element.remove(child)
-            continue
         if tag in REFUSED and not (urdf and tag == "model"):
             raise MechanismError(f"{where}: <{tag}>: {REFUSED[tag]} are not supported; remove them.")
         if tag == "tendon" and len(child):
@@ -221,6 +231,12 @@ def _drop(element: ET.Element, where: str, urdf: bool, copies: int = 1) -> None:
             raise MechanismError(
                 f"{where}: <replicate>: expected a count from 1 to {MAX_COPIES}, got '{child.get('count')}'; "
                 f"correct it."
+            )
+        total[0] += copies
+        if total[0] > MAX_ELEMENTS:
+            raise MechanismError(
+                f"{where}: expected at most {MAX_ELEMENTS} elements, those of every <replicate> and "
+                "<include> counted, got more; leave out what does not move."
             )
         if urdf and tag == "joint" and child.get("type") in ("floating", "planar"):
             raise MechanismError(
@@ -237,7 +253,7 @@ def _drop(element: ET.Element, where: str, urdf: bool, copies: int = 1) -> None:
             if name not in TEXTS and any(NAN.fullmatch(word) for word in value.split()):
                 raise MechanismError(f"{where}: <{tag}>: expected numbers in '{name}', got nan; correct it.")
         child.attrib.pop("material", None)
-        _drop(child, where, urdf, count * copies)
+        _drop(child, where, urdf, total, count * copies)
 
 
 def _refuse_loops(equality: ET.Element, where: str) -> None:

@@ -120,6 +120,7 @@ class Mechanism:
         """Value by parameter name, those that follow included."""
         return dict(zip(self.torques.table.names, self._current.tolist(), strict=True))
 
+    @checked
     def parameter(self, name: str) -> Parameter:
         """Return one parameter.
 
@@ -127,7 +128,8 @@ class Mechanism:
             name: Its name.
 
         Raises:
-            MechanismError: There is no parameter of that name.
+            MechanismError: From ``row``: there is no parameter of that name.
+            SettingsError: From deeper down: the name is no text.
 
         Example:
             >>> import monodyn.mechanism
@@ -151,6 +153,7 @@ class Mechanism:
             raise MechanismError(f"parameter '{name}' is not in the mechanism; {names}")
         return row
 
+    @checked
     def with_values(self, values: Mapping[str, float]) -> Mechanism:
         """Return a copy with other values; signs are checked, bounds are not.
 
@@ -161,6 +164,7 @@ class Mechanism:
         Raises:
             MechanismError: A value follows from others; or, from deeper down, a name is unknown, a value is
                 not finite or has the wrong sign.
+            SettingsError: From deeper down: a name is no text, or a value no number.
         """
         numbers = self.numbers.copy()
         table = self.torques.table
@@ -215,10 +219,9 @@ class Mechanism:
             frees[row] = name in free
         chosen = self.chosen | {*fix, *free}
         copy = replace(self, numbers=numbers, lower=lower, upper=upper, free=frees, own=own, chosen=chosen)
-        copy = copy.with_values(fix)
         for name in (*fix, *free, *bounds):
-            copy._check_bounds(name)
-        return copy
+            copy._check_bounds(name, fix.get(name))
+        return copy.with_values(fix)
 
     def with_following(self, names: Sequence[str], *, follow: bool) -> Mechanism:
         """Return a copy in which sizes and places follow others as in the file, or have their own values.
@@ -410,11 +413,13 @@ class Mechanism:
             bool(self._follows[row]), table.against[row],
         )  # fmt: skip
 
-    def _check_bounds(self, name: str) -> None:
-        """Raise unless a parameter's value lies within its bounds."""
+    def _check_bounds(self, name: str, value: float | None) -> None:
+        """Raise unless a parameter's value, or the one that it is to have, lies within its bounds."""
         p = self.parameter(name)
-        if not p.lower <= p.value <= p.upper:
+        value = p.value if value is None else float(value)
+        self.torques.table.check(self.row(name), value)
+        if not p.lower <= value <= p.upper:
             raise MechanismError(
                 f"parameter '{name}': expected a value between {p.lower:g} and {p.upper:g} {p.unit}, "
-                f"got {p.value:g}; change the value or the bounds."
+                f"got {value:g}; change the value or the bounds."
             )

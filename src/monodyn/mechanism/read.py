@@ -19,7 +19,7 @@ from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.parts import Geom, Given, Joint, Link, Site
 from monodyn.mechanism.plan import OWNED_COLUMNS, OWNED_KINDS, make_plan
 from monodyn.mechanism.plane import Plane, find_plane
-from monodyn.mechanism.supported import refuse_unsupported, stated
+from monodyn.mechanism.supported import refuse_one_axis, refuse_unsupported, stated
 from monodyn.mechanism.torques import make_torques
 from monodyn.mechanism.tree import INERTIA, MASS
 from monodyn.mechanism.unlogged import unlogged
@@ -169,6 +169,7 @@ class _File:
             frames[j] = self._frame(j, frames[parent])
             links.append(self._link(j, parent, frames[parent], frames[j]))
             last[body] = j
+        refuse_one_axis(links, self.where)
         self._compare(links)
         return links, self.plane.gravity
 

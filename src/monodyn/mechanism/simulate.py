@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from monodyn.arrays import frozen, increasing, plain
+from monodyn.arrays import Frozen, frozen, increasing, plain
 from monodyn.errors import MechanismError
 from monodyn.mechanism.drive import KNOTS, UNDRIVEN, Drive
 from monodyn.mechanism.model import Mechanism
@@ -27,7 +27,7 @@ MOST_SUBSTEPS = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(Frozen):
     """Joint positions and rates over time.
 
     Attributes:

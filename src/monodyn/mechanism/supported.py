@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from monodyn.errors import MechanismError
+from monodyn.mechanism.parts import Link
 from monodyn.mechanism.tree import LONGEST_LEAD
+from monodyn.names import short
 
 WILD = 1e9
 """Largest number [SI] that a mechanism file may hold."""
@@ -23,6 +25,9 @@ STATED = (
     ("lead", LONGEST_LEAD, "how far ahead of the rate its dry friction turns [s]"),
 )
 """Kinds of parameter of a joint that MJCF has no attribute for, the largest each may be, and what it is."""
+
+NEAREST = 1e-9
+"""Distance of two hinges of a chain above which they turn about different axes [m]."""
 
 RESERVED = ("time", "frame", "seen", "record")
 """Columns of the tables of positions that no joint may be named after."""
@@ -103,6 +108,35 @@ def _refuse_joint(model: Any, j: int, shown: str, *, reserved: bool) -> None:
         raise MechanismError(
             f"{shown}: expected linear and quadratic damping and linear stiffness, got higher terms; "
             "give one or two numbers of damping and one of stiffness."
+        )
+
+
+def refuse_one_axis(links: Sequence[Link], where: str) -> None:
+    """Raise for two hinges, one on what the other moves, that turn about the same axis.
+
+    Args:
+        links: The links, parents first.
+        where: Name of the file, for messages.
+
+    Raises:
+        MechanismError: There are two such hinges.
+    """
+    for link in links:
+        above = links[link.parent] if link.parent >= 0 else None
+        if above is None or link.joint.kind != "hinge" or above.joint.kind != "hinge":
+            continue
+        if float(np.hypot(*link.anchor)) > NEAREST:
+            continue
+        body, carrier = short(link.joint.body), short(above.joint.body)
+        end = (
+            f"give '{body}' a pos, where its hinge is on '{carrier}'; what turns about one axle hangs from "
+            "the same body."
+            if link.joint.body != above.joint.body
+            else "only their sum shows, leave one out."
+        )
+        raise MechanismError(
+            f"{where}: joints '{short(above.joint.name)}', '{short(link.joint.name)}': expected hinges in "
+            f"different places, got two that turn about the same axis; {end}"
         )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monodyn.arrays import frozen, increasing
+from monodyn.arrays import Frozen, frozen, increasing
 from monodyn.errors import MechanismError
 from monodyn.mechanism.parts import ANY, Entry, Joint, Table
 from monodyn.mechanism.plan import Plan
@@ -22,7 +22,7 @@ MOST_LAG = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueParameters:
+class TorqueParameters(Frozen):
     """The parameters of torques over time.
 
     Attributes:
@@ -38,6 +38,11 @@ class TorqueParameters:
     index: dict[str, int]
     rows: np.ndarray
     knots: np.ndarray
+
+    def __post_init__(self) -> None:
+        set_, shape = object.__setattr__, (None, None)
+        set_(self, "rows", frozen("torque.rows", self.rows, shape, dtype=np.int64, error=MechanismError))
+        set_(self, "knots", frozen("torque.knots", self.knots, (None,), error=MechanismError))
 
 
 def make_torques(

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from monodyn.arrays import frozen
+from monodyn.arrays import Frozen, frozen
 from monodyn.errors import MechanismError
 
 HINGE = 0
@@ -36,7 +36,7 @@ LONGEST_LEAD = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Tree:
+class Tree(Frozen):
     """The joint tree as plain arrays, one row a joint (dof) and the link that moves with it.
 
     Columns of ``links`` (named by the constants of this module):
@@ -145,7 +145,7 @@ class Directions:
 
 
 @dataclass(frozen=True, eq=False)
-class Shapes:
+class Shapes(Frozen):
     """What the camera sees: each geom is the convex hull of its points, each grown by its radius.
 
     Attributes:
@@ -177,7 +177,7 @@ class Shapes:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class Measured(Frozen):
     """The picture's information about sizes, around the current values of the mechanism that carries it.
 
     Attributes:

@@ -15,12 +15,12 @@ from functools import cached_property
 
 import numpy as np
 
-from monodyn.arrays import frozen
+from monodyn.arrays import Frozen, frozen
 from monodyn.errors import MechanismError
 
 
 @dataclass(frozen=True, eq=False)
-class TwoLink:
+class TwoLink(Frozen):
     """Two bars of rectangular section, each uniform and as long as from hinge to hinge or end.
 
     m = rho l w h, w = alpha l, l_c = l / 2, I = m (l^2 + w^2) / 12.

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from monodyn.arrays import frozen
+from monodyn.arrays import Frozen, frozen
 from monodyn.errors import SettingsError
 from monodyn.mechanism import Mechanism, write_mjcf
 from monodyn.mechanism.unlogged import unlogged
@@ -67,7 +67,7 @@ class Controller(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedLoop:
+class ClosedLoop(Frozen):
     """The motion of a mechanism under a controller.
 
     Attributes:

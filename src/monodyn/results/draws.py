@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.choices import check_whole
+from monodyn.choices import MOST_DRAWN, check_whole
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
@@ -52,7 +52,7 @@ def drawn(fit: Fit, count: int, *, seed: int = 0, response: Response | None = No
 
     Args:
         fit: The identified mechanism.
-        count: How many.
+        count: How many, at most 100.
         seed: Of the draws.
         response: What all mechanisms have in common where the data leave the scale of the masses open; None
             takes the first joint, all positions zero.
@@ -61,13 +61,14 @@ def drawn(fit: Fit, count: int, *, seed: int = 0, response: Response | None = No
         The mechanisms; fewer where some were not found, none where the fit has no covariance.
 
     Raises:
-        SettingsError: From deeper down: the number or the seed is no whole number, or less than 0.
+        SettingsError: From deeper down: the number or the seed is no whole number or less than 0, or there are
+            to be more than 100.
 
     Example:
         ``[monodyn.write_mjcf(one, f"{k}.xml") for k, one in enumerate(drawn(fit, 20))]``
     """
     check_whole("seed", seed)
-    check_whole("draws", count)
+    check_whole("draws", count, MOST_DRAWN)
     covariance = fit.shared_covariance
     if not fit.shared or not np.all(np.isfinite(covariance)):
         return []

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monodyn.arrays import frozen, increasing
+from monodyn.arrays import Frozen, frozen, increasing
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.parts import Start
@@ -26,7 +26,7 @@ MOST_ROWS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class States:
+class States(Frozen):
     """Motion under the identified dynamics.
 
     Attributes:

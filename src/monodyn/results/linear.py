@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from monodyn.arrays import frozen
+from monodyn.arrays import Frozen, frozen
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.wording import listed
@@ -32,7 +32,7 @@ State = Mapping[str, float] | Sequence[float] | np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
-class Linearization:
+class Linearization(Frozen):
     """The linear system about a state: d/dt (dq, dv) = A (dq, dv) + B du, in true time.
 
     Where the state is no equilibrium it drifts: ``acceleration`` is not zero, and belongs to the equation.

@@ -367,6 +367,7 @@ def _fit(document: Mapping[str, Any], model: Path) -> Fit:
         tried_torques=tuple(TriedTorque(**tried) for tried in document["tried_torques"]),
         alternatives=tuple(document["alternatives"]),
         torques=logs,
+        unknowns=int(document["unknowns"]),
     )
 
 

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.arrays import frozen
+from monodyn.arrays import Frozen, frozen
+from monodyn.choices import MOST_DRAWN, check_whole
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.extras import extra
@@ -87,7 +88,7 @@ class Stability(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Regulator:
+class Regulator(Frozen):
     """Gains that hold a mechanism in an equilibrium: torque = held torque - gain (q - position, v).
 
     The torques stay from one measurement to the next.
@@ -176,7 +177,7 @@ def lqr(
         allowed: What weighs as much as one another; None takes the defaults.
         rate: Measurements, and torques, a second [Hz].
         draws: Mechanisms that are drawn from the covariance of the parameters, for all of which the gains
-            should do.
+            should do; at most 100.
         seed: Of the draws.
 
     Returns:
@@ -200,8 +201,7 @@ def lqr(
                 f"lqr: expected a number from {1.0 / FASTEST:g} to {FASTEST:g} for {name}, got {value:g}; "
                 "change it."
             )
-    if draws < 0:
-        raise SettingsError(f"lqr: expected 0 draws or more, got {draws}; change it.")
+    check_whole("draws", draws, MOST_DRAWN)
     rows = motors(mechanism, actuated)
     position = equilibrium(mechanism, by_joint(mechanism, "at", at), rows)
     linear = linearize(fit, position, actuated=actuated)

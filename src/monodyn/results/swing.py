@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monodyn.arrays import frozen
+from monodyn.arrays import Frozen, frozen
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
@@ -46,7 +46,7 @@ SLOWEST = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class SwingUp:
+class SwingUp(Frozen):
     """A way from a start into an equilibrium, with the gains that keep to it.
 
     Attributes:

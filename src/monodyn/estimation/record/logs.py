@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from monodyn.arrays import WILD, clock
 from monodyn.errors import VideoError
-from monodyn.estimation.record.tables import WILD, clock, row_numbers, table_rows
+from monodyn.estimation.record.tables import row_numbers, table_rows
 from monodyn.mechanism import Mechanism
 from monodyn.names import known, quoted, short
 from monodyn.types import TorqueLog
@@ -51,7 +52,7 @@ def read_torques(path: str | Path, joints: Mechanism | Sequence[str]) -> TorqueL
                 f"{path.name}: line {line}, column '{name}': expected a number within {WILD:g} of 0, got "
                 f"{cell}; a torque has to be known throughout."
             )
-    time = clock(path, table[:, header.index("time")])
+    time = clock(f"{path.name}: column 'time'", table[:, header.index("time")], error=VideoError)
     torque = table[:, list(columns.values())]
     if len(time) < 2:
         raise VideoError(f"{path.name}: expected two rows of torques or more, got {len(time)}.")

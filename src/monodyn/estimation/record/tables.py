@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from monodyn.arrays import increasing
+from monodyn.arrays import WILD, clock, frozen
 from monodyn.choices import check_endless
 from monodyn.errors import VideoError
 from monodyn.mechanism import Mechanism
@@ -23,10 +23,6 @@ MOST_ROWS = 200_000
 is refused, with the search for a cause, several times as long."""
 SEEN_WORDS = {"1": True, "true": True, "0": False, "false": False}
 """What a cell of the column ``seen`` may hold; some tools write words."""
-WILD = 1e30
-"""Largest number of a table; powers of larger ones go beyond what the arithmetic can hold."""
-SHORTEST = 1e-9
-"""Shortest time between two rows [s]."""
 SIGNS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
 """What other programs write between cells in place of commas."""
 
@@ -64,7 +60,7 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     # numbers first, then what they may be: a message names the first thing that is wrong in a line
     table = np.array([row_numbers(path, header, row, line) for line, row in rows])
     _check_values(path, columns, names, rows, table)
-    time = clock(path, table[:, columns["time"]])
+    time = clock(f"{path.name}: column 'time'", table[:, columns["time"]], error=VideoError)
     position = table[:, [columns[name] for name in names]]
     seen, joint_seen = _seen(position, table, columns, names)
     frame = table[:, columns["frame"]].astype(int) if "frame" in columns else np.arange(len(time))
@@ -111,9 +107,15 @@ def write_poses(
             bool (frame, dof); None writes no columns of them.
         shared: Errors that the positions share [rad or m], one standard deviation of each of several
             directions, (direction, frame, dof); None writes no columns of them.
+
+    Raises:
+        VideoError: From the checks of arrays: one has another shape.
     """
-    columns = poses.columns()
+    columns, shape = poses.columns(), poses.position.shape
+    if shared is not None:
+        shared = frozen("write_poses: shared", shared, (None, *shape), error=VideoError)
     if excluded is not None:
+        excluded = frozen("write_poses: excluded", excluded, shape, dtype=np.bool_, error=VideoError)
         columns |= {f"{name}_excluded": excluded[:, dof] for dof, name in enumerate(poses.joints)}
     columns |= shared_columns(poses.joints, shared)
     text = io.StringIO()
@@ -191,31 +193,6 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def clock(path: Path, times: np.ndarray) -> np.ndarray:
-    """Return the times of a table [s], (row,).
-
-    Args:
-        path: The file, for a message.
-        times: Its column ``time``, (row,).
-
-    Raises:
-        VideoError: They are not finite, do not increase, or are such as no clock shows.
-    """
-    where = f"{path.name}: column 'time'"
-    increasing(where, times, error=VideoError)
-    if np.abs(times).max() > WILD:
-        raise VideoError(
-            f"{where}: expected times within {WILD:g} s of 0, got {times[np.argmax(np.abs(times))]:g}; give "
-            "them in seconds."
-        )
-    if len(times) > 1 and np.diff(times).min() < SHORTEST:
-        raise VideoError(
-            f"{where}: expected rows {SHORTEST:g} s apart or more, got two with {np.diff(times).min():g} s "
-            "between them; give the times in seconds."
-        )
-    return times
 
 
 def _columns(path: Path, header: list[str], names: tuple[str, ...]) -> dict[str, int]:

@@ -18,8 +18,8 @@ MOST_TURNS = 2.0
 """Turns from one reversal to the next, the median, beyond which angles are in degrees."""
 FEWEST_SWINGS = 3
 """Swings that a hinge must make to tell."""
-LONGEST = 100.0
-"""Length of a mechanism beyond which the time is not in seconds [m]."""
+SHORTEST, LONGEST = 1e-5, 100.0
+"""Lengths of a mechanism below and beyond which the time is not in seconds [m]."""
 USUAL = (0.02, 2.0)
 """Lengths of mechanisms that people film or measure [m]."""
 
@@ -48,6 +48,11 @@ def wrong_units(records: Sequence[Poses], mechanism: Mechanism) -> str | None:
         return None
     lengths = [_length(record, hinges, gravity) for record in records]
     length = float(np.median(lengths))
+    if 0.0 < length < SHORTEST:
+        return (
+            f"expected times in seconds, got a motion so quick that gravity would move lengths of {length:.2g} m "
+            "like that: these look like another unit; give seconds, or free the clock with --free time_scale."
+        )
     if not length > LONGEST:
         return None
     unit = np.sqrt(np.array(USUAL) / length)

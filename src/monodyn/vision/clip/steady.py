@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.arrays import frozen
+from monodyn.arrays import Frozen, frozen
 from monodyn.errors import VideoError
 from monodyn.types import Frame
 from monodyn.vision.clip.homography import Homography
@@ -48,7 +48,7 @@ NO_PARALLAX = Parallax()
 
 
 @dataclass(frozen=True, eq=False)
-class CameraPath:
+class CameraPath(Frozen):
     """Where the still scene appears in every frame.
 
     Attributes:

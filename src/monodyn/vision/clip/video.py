@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from monodyn.arrays import frozen, increasing
+from monodyn.arrays import Frozen, frozen, increasing
 from monodyn.cores import give_back_large
 from monodyn.errors import VideoError
 from monodyn.markup import card, counted, sentences, stretch
@@ -42,7 +42,7 @@ Decode = Callable[[int, int], Iterator[Frame]]
 
 
 @dataclass(frozen=True, eq=False)
-class Video:
+class Video(Frozen):
     """A clip: its size, its time stamps and a way to stream its frames.
 
     Luma is in the video ("limited") range whatever the file holds: black 16, white 235.

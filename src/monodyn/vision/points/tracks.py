@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from monodyn.arrays import frozen, increasing
+from monodyn.arrays import Frozen, frozen, increasing
 from monodyn.errors import VideoError
 from monodyn.markup import brief, counted, stretch
 from monodyn.vision.clip.video import Video
 
 
 @dataclass(frozen=True, eq=False)
-class PointTracks:
+class PointTracks(Frozen):
     """Places of named points in the pictures of a clip.
 
     Attributes:
