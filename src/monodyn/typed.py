@@ -87,7 +87,7 @@ def check_types(where: str, values: Mapping[str, object], hints: Mapping[str, An
     for name, value in values.items():
         if name in hints and not is_a(value, hints[name]):
             raise SettingsError(
-                f"{where}: expected {name} to be {_said(hints[name])}, got {_kind(value)}; give another."
+                f"{where}: expected {name} to be {_said(hints[name])}, got {kind_of(value)}; give another."
             )
 
 
@@ -156,8 +156,8 @@ def _is_array(value: Any) -> bool:
 
 
 def _listed(value: Any) -> bool:
-    """True for what has items one after the other; a text is one item."""
-    if isinstance(value, str | bytes):
+    """True for what has items one after the other; a text is one item, and so is a number of numpy."""
+    if isinstance(value, str | bytes) or getattr(value, "ndim", 1) == 0:
         return False
     return isinstance(value, Sequence | Set) or hasattr(value, "__array__")
 
@@ -181,7 +181,11 @@ def _said(hint: Any) -> str:
     return f"{named} of {' and '.join(dict.fromkeys(items))}" if items else named
 
 
-def _kind(value: object) -> str:
-    """Say what a value is: itself where it is short, else its type."""
+def kind_of(value: object) -> str:
+    """Say what a value is: itself where it is short, else its type.
+
+    Args:
+        value: Anything.
+    """
     shown = isinstance(value, str | Real) and len(repr(value)) <= 40
     return f"{value!r}" if shown or value is None else f"a value of type {type(value).__name__}"
