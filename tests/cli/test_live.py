@@ -101,9 +101,10 @@ def test_what_is_missing_or_cannot_be_used_is_named():
 def test_a_standard_input_that_is_closed_and_a_number_of_no_camera_are_one_line(monkeypatch):
     monkeypatch.setattr(sys, "stdin", None)
     for words, message in (
-        (("-", "--live.size", "64,48"), "source '-': expected raw frames on the standard input, got one that is "
-         "closed; send them through a pipe."),
-        (("99999999999999999999",), "camera: expected a number from 0 to 99, got a larger one; give another."),
+        (("-", "--live.size", "64,48"), "source '-': expected raw frames on the standard input, got one "
+         "that is closed; send them through a pipe."),
+        (("99999999999999999999",), "camera: expected a number from 0 to 99, got a larger one; give "
+         "another."),
         (("9" * 5000,), "camera: expected a number from 0 to 99, got a larger one; give another."),
         (("²",), "clip '²': expected a video file or a folder of pictures, found nothing; check the path."),
         (("٣",), "clip '٣': expected a video file or a folder of pictures, found nothing; check the path."),
@@ -190,8 +191,8 @@ def test_lines_replace_lines_alone(play, tmp_path, name):
     done = command(*WORDS, "--ndjson", path, "--force")
     assert (done.code, done.err) == (
         2,
-        f"monodyn: ndjson '{path}': expected a new file or lines of a stream, got another file, which would be "
-        "lost; give another name.\n",
+        f"monodyn: ndjson '{path}': expected a new file or lines of a stream, got another file, which would "
+        "be lost; give another name.\n",
     )
     assert there.read_text() == '{\n  "schema": 2,\n'
     assert calls == []

@@ -248,8 +248,8 @@ def _opened(name: str, options: Any) -> Any:
         if path.is_file():
             if not is_lines(path):
                 raise SettingsError(
-                    f"ndjson '{path}': expected a new file or lines of a stream, got another file, which would "
-                    "be lost; give another name."
+                    f"ndjson '{path}': expected a new file or lines of a stream, got another file, which "
+                    "would be lost; give another name."
                 )
             if not options.force:
                 raise SettingsError(

@@ -219,8 +219,8 @@ def _standard_input() -> BinaryIO:
     pipe = getattr(sys.stdin, "buffer", None)
     if pipe is None:
         raise SettingsError(
-            "source '-': expected raw frames on the standard input, got one that is closed; send them through a "
-            "pipe."
+            "source '-': expected raw frames on the standard input, got one that is closed; send them "
+            "through a pipe."
         )
     return pipe
 
