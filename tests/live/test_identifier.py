@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,8 +36,11 @@ def begun():
     def beginning(later: Poses | None = None) -> Identifier:
         identifier = Identifier(LiveSettings(), IdentifySettings(), in_order=False)
         made.append(identifier)
-        found = SimpleNamespace(scene=SimpleNamespace(mechanism=None), poses=rows(0, 45), fit=identified())
-        identifier.begin(SimpleNamespace(found=found, horizon=None, later=later, estimate=None))
+        found: Any = SimpleNamespace(
+            scene=SimpleNamespace(mechanism=None), poses=rows(0, 45), fit=identified()
+        )
+        begun: Any = SimpleNamespace(found=found, horizon=None, later=later, estimate=None)
+        identifier.begin(begun)
         return identifier
 
     yield beginning
@@ -51,7 +55,7 @@ def test_a_search_that_takes_long_breaks_nothing_off_where_its_frames_were_follo
 
 
 def test_why_a_motion_begins_anew_is_known(begun):
-    cases = (
+    cases: tuple[Any, ...] = (
         (None, [rows(100, 101)], 100, "searching"),
         (rows(45, 60), [rows(200, 201)], 200, "searching"),
         (rows(45, 60), [rows(60, 61), rows(100, 101)], 100, "too fast"),
@@ -73,6 +77,7 @@ def test_verdict_and_status_are_those_of_the_fit_that_the_estimate_rests_on(begu
     identifier = begun()
     assert identifier.base is identifier.fit
     before = identified()
-    identifier.estimate = SimpleNamespace(base=before)
+    estimate: Any = SimpleNamespace(base=before)
+    identifier.estimate = estimate
     identifier.fit = double()
     assert identifier.base is before

@@ -106,7 +106,8 @@ def follow(
         sight.free_frames = log.free_frames = span[:2]
         job = Job(settings, log, folder, progress, sight)
         job.write_poses(poses, scene.mechanism)
-        return concluded(job, Tracked(scene, poses, span), mechanism, model, folder, session.verdict)
+        verdict = None if session.last is None else session.last.verdict
+        return concluded(job, Tracked(scene, poses, span), mechanism, model, folder, verdict)
 
 
 def _go(session: Session, shown: Callable[[Session, Step], None] | None, recorder: Recorder | None) -> None:
@@ -149,10 +150,10 @@ def _tracked(
     found, record, cut = session.found, session.identifier.record.whole, session.identifier.cut
     assert found is not None
     assert record is not None
-    if session.source.video is not None:
-        record = followed_later(found, record, video, settings, progress)
-        if cut.why in ("searching", "too fast"):
-            cut = cut_with_all(found, record, cut, live, settings)
+    if session.source.video is not None and session.last is not None:
+        followed = record
+        record = followed_later(found, record, video, session.last.index + 1, settings, progress)
+        cut = cut_with_all(found, followed, record, cut, live, settings)
     numbers = record.frame if session.recorded is None else _numbered(record.frame, session.recorded)
     kept = numbers >= 0
     rows, count, dofs = numbers[kept], video.count, len(record.joints)

@@ -17,7 +17,6 @@ import numpy as np
 
 from monodyn.checks import drawn_mechanism
 from monodyn.errors import MonodynError, VideoError
-from monodyn.estimation.fit import Grade
 from monodyn.live.applied import Applied
 from monodyn.live.begin import Beginning, Begun, Found, Setup, begin
 from monodyn.live.clock import Clock
@@ -96,7 +95,7 @@ class Session:
         identifier: Poses, and what was identified from them.
         said: What there is to say at this moment.
         notes: What people should know, in sentences.
-        verdict: How far what was identified at the last frame can be relied on; None before anything was.
+        last: What was known at the last frame so far; None before one.
         recorded: Number in its recording of each frame, by its number in the stream; None where the source
             is a clip itself.
     """
@@ -113,7 +112,7 @@ class Session:
         self.source: Source = source
         self.found: Found | None = None
         self.notes: list[str] = []
-        self.verdict: Grade | None = None
+        self.last: Step | None = None
         self.recorded: Mapping[int, int] | None = None
         self._applied, self._apply = Applied([joint.name for joint in mechanism.joints]), apply
         self.identifier = Identifier(
@@ -150,8 +149,7 @@ class Session:
             except StopIteration:
                 break
             if arrival is not None:
-                step = self._step(arrival)
-                self.verdict = step.verdict
+                step = self.last = self._step(arrival)
                 if self._apply is not None:
                     self._applied.add(step.time, self._apply(step))
                     self._applied.forget(step.time - FORGOTTEN * self._live.review)
