@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from monodyn.numbers import interval, number, short
+from monodyn.numbers import interval, is_whole, number, short
 
 
 def test_numbers_keep_the_digits_that_their_deviation_leaves() -> None:
@@ -25,3 +25,8 @@ def test_an_interval_or_why_there_is_none():
     assert interval(None, None, None, **usual | {"known": False}) == "not determined"
     assert interval(None, None, None, **usual | {"known": False, "free": False}) == "held"
     assert interval(0.0, 1.0, 0.1, **usual | {"at_bound": True}) == "at its bound"
+
+
+def test_a_whole_number_has_no_digits_of_other_scripts():
+    assert all(map(is_whole, ("0", "12", "007")))
+    assert not any(map(is_whole, ("", "-1", "1.0", "²", "٣", "1 ")))

@@ -9,7 +9,7 @@ import pytest
 from monodyn.errors import SettingsError, VideoError
 from monodyn.estimation.record.tables import read_poses, write_poses
 from monodyn.paper.track import PaperPoses
-from monodyn.types import Poses, TorqueLog
+from monodyn.types import Frame, Poses, TorqueLog
 from support import refuses
 
 
@@ -165,3 +165,24 @@ def test_a_notebook_shows_a_record_by_joint():
     assert ">1</td>" in found
     assert replace(poses(), joints=("<a>", "b"))._repr_html_().count("&lt;a&gt;") == 2
     assert "–" in replace(poses(), position=np.full((3, 2), np.nan))._repr_html_()
+
+
+def test_a_frame_that_is_no_picture_is_refused():
+    grey = np.zeros((48, 64), np.uint8)
+    for given, message in (
+        (("x", 0.0, grey), "Frame: expected index to be a whole number, got 'x'; give another."),
+        ((0, "x", grey), "Frame: expected time to be a number, got 'x'; give another."),
+        ((0, 0.0, "x"), "Frame: expected luma to be ndarray, got 'x'; give another."),
+    ):
+        with refuses(SettingsError, message):
+            Frame(*given)
+    with refuses(VideoError, "Frame.time: expected a finite time stamp, got nan; give another."):
+        Frame(0, np.nan, grey)
+    for given, got in (
+        ((grey[None],), "luma: expected a uint8 array (row, column), got uint8 (1, 48, 64)"),
+        ((grey / 2,), "luma: expected a uint8 array (row, column), got float64 (48, 64)"),
+        (([[1, 2]],), "luma: expected a uint8 array (row, column), got a value of type list"),
+        ((grey, (grey[0], grey)), "chroma: expected a uint8 array (row, column), got uint8 (64,)"),
+    ):
+        with refuses(VideoError, f"Frame.{got}; give another."):
+            Frame(0, 0.0, *given)

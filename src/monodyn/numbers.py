@@ -32,6 +32,16 @@ def number(value: float | None, std: float | None = None) -> str:
     return f"{value:.{min(max(digits, 2), 8)}g}".replace("-", "−")
 
 
+def is_whole(text: str) -> bool:
+    """Return whether a text is a whole number in the digits 0 to 9, without a sign.
+
+    Args:
+        text: The text.
+    """
+    # there are digits of other scripts, and some that ``int`` does not take
+    return text.isascii() and text.isdigit()
+
+
 def short(value: float) -> str:
     """Return a standard deviation as text with two digits.
 

@@ -29,7 +29,7 @@ from monodyn.checks import (
 from monodyn.choose import candidates, choose, nearest
 from monodyn.doubtful import doubtful_sight, likely_sight, unshown_parts
 from monodyn.errors import VideoError
-from monodyn.estimation.fit import Doubt, Fit
+from monodyn.estimation.fit import Doubt, Fit, Grade
 from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.record.units import wrong_units
 from monodyn.inputs import (
@@ -50,7 +50,7 @@ from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
 from monodyn.results.heldout import heldout_doubts, predicted_trace
 from monodyn.results.log import RunLog, recorded
-from monodyn.results.opened import known_before, origins
+from monodyn.results.opened import judged_before, known_before, origins
 from monodyn.results.report import write_results
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
@@ -118,8 +118,9 @@ def run(
 
 
 def concluded(
-    job: Job, tracked: Tracked, mechanism: Mechanism, model: str | Path, folder: RunFolder
-) -> Outcome:
+    job: Job, tracked: Tracked, mechanism: Mechanism, model: str | Path, folder: RunFolder,
+    verdict: Grade | None = None,
+) -> Outcome:  # fmt: skip
     """Identify on some frames of a tracked clip, predict the others, write the run folder.
 
     Args:
@@ -128,6 +129,7 @@ def concluded(
         mechanism: The mechanism with the user's choices.
         model: Where it was loaded from, or ``auto``.
         folder: Takes the files.
+        verdict: The last one of a stream while it went on; None where there was none.
 
     Returns:
         What was found.
@@ -159,6 +161,7 @@ def concluded(
         *after_refusal(fit, sight, compared=bool(log.comparison)),
         *nearest(fit, log.comparison),
         *known_before(model, fit),
+        *judged_before(verdict, fit, frames),
     ]
     # only the fit has the metric scale: the poses are written again with their slides in metres
     filmed = filmed_of(fit, scene, poses, sight)

@@ -120,7 +120,7 @@ def check_types(where: str, values: Mapping[str, object], hints: Mapping[str, An
     for name, value in values.items():
         if name in hints and not is_a(value, hints[name]):
             raise SettingsError(
-                f"{where}: expected {name} to be {_said(hints[name])}, got {_kind(value)}; give another."
+                f"{where}: expected {name} to be {_said(hints[name])}, got {kind_of(value)}; give another."
             )
 
 
@@ -189,13 +189,11 @@ def _is_array(value: Any) -> bool:
 
 
 def _listed(value: Any) -> bool:
-    """True for what has items one after the other; a text is one item."""
-    if isinstance(value, str | bytes):
-        return False
+    """True for what has items one after the other; a text is one item, and so is a number of numpy."""
     # an array without an axis is a number
-    return isinstance(value, Sequence | Set) or (
-        hasattr(value, "__array__") and hasattr(value, "__len__") and getattr(value, "ndim", 1) > 0
-    )
+    if isinstance(value, str | bytes) or getattr(value, "ndim", 1) == 0:
+        return False
+    return isinstance(value, Sequence | Set) or (hasattr(value, "__array__") and hasattr(value, "__len__"))
 
 
 def _said(hint: Any) -> str:
@@ -217,8 +215,12 @@ def _said(hint: Any) -> str:
     return f"{named} of {' and '.join(dict.fromkeys(items))}" if items else named
 
 
-def _kind(value: Any) -> str:
-    """Say what a value is: itself where it is short, else its type."""
+def kind_of(value: Any) -> str:
+    """Say what a value is: itself where it is short, else its type.
+
+    Args:
+        value: Anything.
+    """
     shown = isinstance(value, str | Real) and len(repr(value)) <= 40
     if shown or value is None:
         return f"{value!r}"

@@ -19,7 +19,7 @@ from monodyn.errors import VideoError
 from monodyn.extras import extra
 from monodyn.markup import brief, card, counted, stretch, table
 from monodyn.numbers import number, short
-from monodyn.typed import check_fields
+from monodyn.typed import check_fields, kind_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -49,6 +49,17 @@ class Frame(Frozen):
     time: float
     luma: np.ndarray
     chroma: tuple[np.ndarray, np.ndarray] | None = None
+
+    def __post_init__(self) -> None:
+        check_fields(self, "Frame")
+        if not math.isfinite(self.time):
+            raise VideoError(f"Frame.time: expected a finite time stamp, got {self.time:g}; give another.")
+        for name, plane in (("luma", self.luma), *(("chroma", plane) for plane in self.chroma or ())):
+            if not isinstance(plane, np.ndarray) or plane.dtype != np.uint8 or plane.ndim != 2:
+                got = f"{plane.dtype} {plane.shape}" if isinstance(plane, np.ndarray) else kind_of(plane)
+                raise VideoError(
+                    f"Frame.{name}: expected a uint8 array (row, column), got {got}; give another."
+                )
 
 
 @dataclass(frozen=True, eq=False)

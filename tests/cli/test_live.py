@@ -73,7 +73,8 @@ def test_options_become_the_settings_of_the_stream():
     assert found.settings.track.reach == 5.0
     assert parsed("live", WORDS[1:]).live == LiveSettings()
     assert parsed("live", ["0", "--model", "x", "--live.pace", "real"]).live.pace == "real"
-    for source, name in (("a/b.mp4", "b.mp4"), ("0", "0"), ("-", "-"), ("rtsp://h/x", "rtsp://h/x")):
+    for source, name in (("a/b.mp4", "b.mp4"), ("0", "0"), ("-", "-"), ("rtsp://h/x", "rtsp://h/x"),
+                         ("a/²", "²"), ("a/٣", "٣")):  # fmt: skip
         assert parsed("live", [source, "--model", "x"]).name == name
 
 
@@ -94,6 +95,21 @@ def test_what_is_missing_or_cannot_be_used_is_named():
          "leave one of them out."),
     ):  # fmt: skip
         done = command("live", *words)
+        assert (done.code, done.out, done.err) == (2, "", f"monodyn: {message}\n")
+
+
+def test_a_standard_input_that_is_closed_and_a_number_of_no_camera_are_one_line(monkeypatch):
+    monkeypatch.setattr(sys, "stdin", None)
+    for words, message in (
+        (("-", "--live.size", "64,48"), "source '-': expected raw frames on the standard input, got one "
+         "that is closed; send them through a pipe."),
+        (("99999999999999999999",), "camera: expected a number from 0 to 99, got a larger one; give "
+         "another."),
+        (("9" * 5000,), "camera: expected a number from 0 to 99, got a larger one; give another."),
+        (("²",), "clip '²': expected a video file or a folder of pictures, found nothing; check the path."),
+        (("٣",), "clip '٣': expected a video file or a folder of pictures, found nothing; check the path."),
+    ):  # fmt: skip
+        done = command("live", *words, "--model", "double", "--quiet")
         assert (done.code, done.out, done.err) == (2, "", f"monodyn: {message}\n")
 
 
@@ -147,22 +163,51 @@ def test_lines_go_into_a_new_file(play, tmp_path):
     assert (done.code, done.err) == (
         2,
         f"monodyn: ndjson '{path}': expected the name of a new file, got one that is there; give another, or "
-        "--force to replace a file.\n",
+        "--force to replace it.\n",
     )
     assert len(path.read_text().splitlines()) == 2
     assert command(*WORDS, "--ndjson", path, "--force", "--quiet").code == 0
+    path.write_text("")
+    assert command(*WORDS, "--ndjson", path, "--force", "--quiet").code == 0
     done = command(*WORDS, "--ndjson", tmp_path, "--force")
     assert done.err == (
-        f"monodyn: ndjson '{tmp_path}': expected the name of a new file, got a folder; give another, or "
-        "--force to replace a file.\n"
+        f"monodyn: ndjson '{tmp_path}': expected the name of a file, got a folder; give another.\n"
     )
-    done = command("live", path, "--model", "double", "--ndjson", path, "--force")
-    assert done.err == (f"monodyn: ndjson '{path}': expected another file than the source; give another.\n")
     odd = tmp_path / "no" / "x"
     done = command(*WORDS, "--ndjson", odd)
     assert done.err == (
         f"monodyn: ndjson '{odd}': cannot be written (No such file or directory); name another file.\n"
     )
+
+
+@pytest.mark.parametrize("name", ["dd.xml", "bb.png", "lc.toml", "clip.mp4.bak", "lines"])
+def test_lines_replace_lines_alone(play, tmp_path, name):
+    """Whatever else is there may be an input, or the only result of a run, also under another name."""
+    calls = play(followed(45))
+    there = tmp_path / "there"
+    there.write_text('{\n  "schema": 2,\n')
+    path = tmp_path / name
+    path.symlink_to(there)
+    done = command(*WORDS, "--ndjson", path, "--force")
+    assert (done.code, done.err) == (
+        2,
+        f"monodyn: ndjson '{path}': expected a new file or lines of a stream, got another file, which would "
+        "be lost; give another name.\n",
+    )
+    assert there.read_text() == '{\n  "schema": 2,\n'
+    assert calls == []
+
+
+@pytest.mark.parametrize("name", ["fit.json", "poses.csv", "Report.html"])
+def test_lines_have_no_name_of_a_file_of_a_run(play, tmp_path, name):
+    play(followed(45))
+    done = command(*WORDS, "--ndjson", tmp_path / name, "--force", "--out", tmp_path)
+    assert (done.code, done.err) == (
+        2,
+        f"monodyn: ndjson '{tmp_path / name}': expected a name that no file of a run has, got '{name}'; give "
+        "another.\n",
+    )
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is full")

@@ -45,3 +45,14 @@ def test_what_is_no_torque_is_refused():
         applied.add(0.0, {"joint2": 1.0})
     with refuses(SettingsError, "apply: expected a finite torque for slide, got nan."):
         applied.add(0.0, {"slide": float("nan")})
+    for odd, got in (
+        (1.0, "1.0"),
+        ({"slide": "x"}, "a value of type dict"),
+        ({1: 1.0}, "a value of type dict"),
+    ):
+        with refuses(
+            SettingsError,
+            f"apply: expected what it returns to be torques by joint or None, got {got}; give e.g. "
+            "{'joint1': 0.5}.",
+        ):
+            applied.add(0.0, odd)

@@ -3,11 +3,13 @@ of a wild motion, against the fit of that stretch and the truth."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.live.horizon import Horizon, horizon_of
+from monodyn.live.horizon import Estimate, Horizon, horizon_of
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import load
 from monodyn.stages import identify
@@ -20,21 +22,44 @@ LONG, ALL = 180, 240
 """Rows of a long stretch that begins it, and of the whole record."""
 
 
-def test_every_frame_ends_at_its_optimum() -> None:
+@pytest.fixture(scope="module")
+def estimates() -> list[Estimate]:
+    """What is known of a double pendulum at each frame after the first ones."""
     times, truth, started = np.arange(FRAMES) / 30.0, double_truth(), load("double").with_choices(fix=FIXED)
     rows = record(truth, times, motion(truth, times, [0.3, 0.5], [0.0, 1.0]))
     first = rows[:BEGUN]
     fit = identify(first, started, IdentifySettings(torque="friction"))
     horizon = Horizon(fit, started, first, window=1.5, ahead=0.5)
-    for k in range(BEGUN, FRAMES):
-        estimate = horizon.add(rows[k : k + 1])
-        assert estimate is not None
+    found = [horizon.add(rows[k : k + 1]) for k in range(BEGUN, FRAMES)]
+    assert None not in found
+    return [estimate for estimate in found if estimate is not None]
+
+
+def test_every_frame_ends_at_its_optimum(estimates: list[Estimate]) -> None:
+    truth = double_truth()
+    for estimate in estimates:
         assert estimate.found.converged
         # the last one proves it
         assert estimate.found.evaluations <= 5
     for name in ("link1.length", "link2.length"):
-        off = estimate.fit.parameter(name).value - truth.parameter(name).value
-        assert abs(off) < 3.0 * estimate.std[name]
+        off = estimates[-1].fit.parameter(name).value - truth.parameter(name).value
+        assert abs(off) < 3.0 * estimates[-1].std[name]
+
+
+def test_intervals_are_cut_at_the_bounds_as_those_of_a_run_are(estimates: list[Estimate]) -> None:
+    """What is hardly known: no size is negative, and what was searched as a logarithm errs by a factor."""
+    known = replace(estimates[-1])
+    values = known.found.mechanism.values
+    vars(known)["std"] = {name: 2.0 * abs(values[name]) for name in known.std}
+    kinds = {p.name: p for p in known.found.mechanism.parameters}
+    rows = [row for row in known.fit.parameters if row.free]
+    for row in rows:
+        assert kinds[row.name].lower <= row.lower <= row.value <= row.upper <= kinds[row.name].upper, row.name
+    length, damping = (known.fit.parameter(name) for name in ("link1.length", "joint1.damping"))
+    assert length.lower == pytest.approx(length.value * np.exp(-2.0 * 1.96))
+    assert length.upper == pytest.approx(min(length.value * np.exp(2.0 * 1.96), kinds["link1.length"].upper))
+    assert damping.lower == 0.0
+    assert damping.upper == pytest.approx(damping.value * (1.0 + 2.0 * 1.96))
 
 
 @pytest.mark.slow

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
+import threading
 
 import numpy as np
 import pytest
 
 import monodyn
 from monodyn.errors import FitError
-from monodyn.live import recorder
+from monodyn.live import begin, recorder, sources
 from monodyn.live.run import follow
 from monodyn.live.settings import LiveSettings
 from streamed import SMALL, frames
@@ -86,3 +87,56 @@ def test_what_was_touched_and_what_was_not_recorded_is_said(filmed, tmp_path, mo
         "times as far off as the noise; something touches it, or it has changed."
     )
     assert outcome.document["grade"] != "refused"
+
+
+@pytest.fixture
+def missed(tmp_path, monkeypatch):
+    """Follow frames as a clip that does not wait, of which most come while the search takes long."""
+    whole, search = threading.Event(), begin.search
+
+    def slow(*given):
+        whole.wait(60.0)
+        return search(*given)
+
+    monkeypatch.setattr(begin, "search", slow)
+    monkeypatch.setattr(sources, "in_time", lambda frames, closing: frames)
+    monkeypatch.setattr(recorder, "WAITING", 1000)
+
+    def following(watched, until, held=begin.MOST_HELD):
+        monkeypatch.setattr(begin, "MOST_HELD", held)
+        clip = recorder.Recorder(tmp_path / "clip.mp4")
+        for frame in watched:
+            clip.take(frame)
+        clip.finish()
+
+        def shown(_, step):
+            if step.index >= until:
+                whole.set()
+
+        live = LiveSettings(pace="real", queue=1000)
+        return follow(tmp_path / "clip.mp4", "double", tmp_path / "run", live, shown=shown)
+
+    return following
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("held", [begin.MOST_HELD, 5_000_000])
+def test_a_clip_is_fitted_as_one_motion_however_long_the_search_takes(filmed, missed, held):
+    """With all frames in memory, and with room for 60 of them, after which the clip is read once more."""
+    outcome = missed(filmed[0], 200, held)
+    assert not [note for note in outcome.notes if note.startswith("Fitted are")]
+    fitted = outcome.document["fitted"][0]
+    assert fitted["first"] == pytest.approx(0.0, abs=0.1)
+    assert fitted["rows"] > 200
+    assert outcome.document["grade"] == "trusted"
+    assert outcome.poses.measured.all(axis=1).mean() > 0.95
+
+
+@pytest.mark.slow
+def test_a_hand_in_frames_that_were_missed_is_found_in_the_end(filmed, missed):
+    jumped = [*filmed[0][:120], *filmed[0][150:]]
+    moved = [frame.__class__(i, i / SMALL.rate, frame.luma, frame.chroma) for i, frame in enumerate(jumped)]
+    outcome = missed(moved, len(moved) - 1, 5_000_000)
+    first = next(note for note in outcome.notes if note.startswith("Fitted are")).split()[5]
+    assert f"Fitted are the frames from {first} on: what came before is another motion." in outcome.notes
+    assert 110 < int(first) < 160

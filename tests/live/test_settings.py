@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from monodyn.errors import SettingsError
@@ -31,6 +32,13 @@ def test_queue_size_and_words():
             SettingsError,
             f"live.size: expected W,H of 16 to 65535 px, got {size[0]},{size[1]}; give width and height of "
             "the frames.",
+        ):
+            LiveSettings(size=size)
+    for size in (np.array(640), np.float64("nan"), (np.array(640), np.array(480)), (float("nan"), 480)):
+        got = repr(size) if isinstance(size, float) else f"a value of type {type(size).__name__}"
+        with refuses(
+            SettingsError,
+            f"live: expected size to be tuple of a whole number or None, got {got}; give another.",
         ):
             LiveSettings(size=size)
     with pytest.raises(SettingsError, match=r"^live\.pace: expected .*'slow'"):

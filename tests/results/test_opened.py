@@ -22,6 +22,7 @@ from monodyn.pipeline import identify_tables
 from monodyn.results import opened as opened_module
 from monodyn.results.intact import check_model, digest, sealed
 from monodyn.results.log import RunLog
+from monodyn.results.opened import judged_before
 from monodyn.settings import RunSettings
 from monodyn.types import Poses
 from support import refuses
@@ -497,3 +498,13 @@ def test_the_clip_of_a_run_is_where_its_log_has_it(tmp_path):
         "(KeyError: 'name'); run it again.",
     ):
         opened_module.clip_of(tmp_path)
+
+
+def test_a_stream_that_was_judged_otherwise_is_said():
+    fit = identified()
+    assert judged_before(fit.grade, fit, (0, 40)) == []
+    assert judged_before(None, fit, (0, 40)) == []
+    assert judged_before("refused", fit, (3, 40)) == [
+        "At the last frame of the stream the verdict was refused, by the seconds before it; that of frames 3 "
+        f"to 39 together is {fit.grade}."
+    ]

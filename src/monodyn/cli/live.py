@@ -231,18 +231,31 @@ def _standard() -> tuple[Any, bool]:
 
 
 def _opened(name: str, options: Any) -> Any:
-    """Return a new file for the lines; one that is there is replaced with ``--force`` alone."""
+    """Return a new file for the lines; lines that are there are replaced with ``--force`` alone, and nothing
+    else ever is: it may be an input, or the only result of a run."""
+    from monodyn.live.lines import is_lines
+    from monodyn.results.folder import FILES
+
     path = Path(name)
-    # a pipe or a terminal is there, and is no file to be lost
-    if path.is_dir() or (path.is_file() and not options.force):
-        got = "a folder" if path.is_dir() else "one that is there"
+    if path.is_dir():
+        raise SettingsError(f"ndjson '{path}': expected the name of a file, got a folder; give another.")
+    if path.name.lower() in FILES:
         raise SettingsError(
-            f"ndjson '{path}': expected the name of a new file, got {got}; give another, or --force to "
-            "replace a file."
+            f"ndjson '{path}': expected a name that no file of a run has, got '{path.name}'; give another."
         )
-    if path.is_file() and Path(options.source).exists() and path.samefile(options.source):
-        raise SettingsError(f"ndjson '{path}': expected another file than the source; give another.")
     try:
+        # a pipe or a terminal is there, and is no file to be lost
+        if path.is_file():
+            if not is_lines(path):
+                raise SettingsError(
+                    f"ndjson '{path}': expected a new file or lines of a stream, got another file, which "
+                    "would be lost; give another name."
+                )
+            if not options.force:
+                raise SettingsError(
+                    f"ndjson '{path}': expected the name of a new file, got one that is there; give another, "
+                    "or --force to replace it."
+                )
         return path.open("w", encoding="ascii")
     except OSError as error:
         raise SettingsError(

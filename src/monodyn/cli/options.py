@@ -18,6 +18,7 @@ from monodyn.cli.predicted import PredictOptions
 from monodyn.cli.reproduced import ReproduceOptions
 from monodyn.errors import SettingsError
 from monodyn.live.settings import LiveSettings
+from monodyn.numbers import is_whole
 from monodyn.settings import RunSettings
 
 if TYPE_CHECKING:
@@ -180,7 +181,7 @@ class LiveOptions(CommonOptions):
         ndjson: One JSON object a frame, in a file, or with - on the standard output.
         view: Serve a page with the stream, the mechanism drawn over it, at this port of this machine (needs
             monodyn[live]); with HOST: to other machines, too.
-        force: Replace a run that is already in DIR, and FILE.
+        force: Replace a run that is already in DIR, and lines that are in FILE.
         quiet: Show no progress and print nothing.
         json: Print the result as JSON, in place of tables.
         live: How the stream is read and followed.
@@ -196,7 +197,7 @@ class LiveOptions(CommonOptions):
     @property
     def name(self) -> str:
         """What the source is called before it is opened."""
-        address = "://" in self.source or self.source == "-" or self.source.isdigit()
+        address = "://" in self.source or self.source == "-" or is_whole(self.source)
         return self.source if address else Path(self.source).name
 
     def go(self) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 
 from monodyn.errors import SettingsError
 from monodyn.names import known
+from monodyn.typed import is_a, kind_of
 from monodyn.types import TorqueLog
 
 PLACES = (0.001, 0.333, 0.667, 0.999)
@@ -35,8 +36,13 @@ class Applied:
             torques: Torque by joint [N m; a slide's N]; none acts at the others. None stands for none at all.
 
         Raises:
-            SettingsError: a name is no joint, or a torque no finite number.
+            SettingsError: they are no numbers by joint, a name is no joint, or a torque is not finite.
         """
+        if not is_a(torques, Mapping[str, float] | None):
+            raise SettingsError(
+                f"apply: expected what it returns to be torques by joint or None, got {kind_of(torques)}; "
+                "give e.g. {'joint1': 0.5}."
+            )
         row = np.zeros(len(self._joints))
         for name, value in (torques or {}).items():
             if name not in self._joints:

@@ -60,12 +60,14 @@ class Found:
         poses: The poses of those of the frames in which nothing holds the mechanism.
         fit: The mechanism as identified from these.
         notes: What people should know, in sentences.
+        until: Number in the stream of the last frame that was watched.
     """
 
     scene: Scene
     poses: Poses
     fit: Fit
     notes: tuple[str, ...]
+    until: int
 
 
 class Beginning:
@@ -225,7 +227,7 @@ def search(frames: Sequence[Frame], name: str, mechanism: Mechanism, settings: R
         fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", why)])
     part = replace(part, frame=np.array([frames[number].index for number in part.frame]))
     others = left_out(scene.masks.background, given=settings.segment.roi is not None)
-    return Found(_everywhere(scene), part, fit, (*scene.advice, *others, *span.notes))
+    return Found(_everywhere(scene), part, fit, (*scene.advice, *others, *span.notes), frames[-1].index)
 
 
 def as_clip(frames: Sequence[Frame], name: str) -> Video:

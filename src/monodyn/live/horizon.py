@@ -23,6 +23,7 @@ from monodyn.estimation.fit import Doubt, Fit, Grade
 from monodyn.estimation.parts import Start
 from monodyn.estimation.record.samples import Pieces
 from monodyn.estimation.record.smooth import smooth
+from monodyn.estimation.verdict.intervals import errs_by_factor, stated
 from monodyn.estimation.verdict.uncertainty import noise_factors
 from monodyn.estimation.window import (
     FEW_STEPS,
@@ -142,14 +143,12 @@ class Estimate:
     @cached_property
     def fit(self) -> Fit:
         """The same as a fit, with the window as its record."""
-        mechanism, values = self.found.mechanism, self.found.mechanism.values
-        parameters = []
+        mechanism, parameters = self.found.mechanism, []
         for p in self.base.parameters:
-            value, std = values[p.name], self.std.get(p.name, p.std)
-            if p.free and np.isfinite(std):
-                half = SURELY * std
-                p = replace(p, value=value, std=std, lower=value - half, upper=value + half)
-            parameters.append(replace(p, value=value))
+            now = mechanism.parameter(p.name)
+            by_factor = errs_by_factor(self.found.window.problem.unknowns, now)
+            one = stated(now, self.std.get(p.name, p.std), SURELY, by_factor=by_factor)
+            parameters.append(replace(p, value=one.value, std=one.std, lower=one.lower, upper=one.upper))
         dofs = len(mechanism.joints)
         position, velocity = np.split(self.found.state, 2)
         own = self.covariance[-2 * dofs :, -2 * dofs :]

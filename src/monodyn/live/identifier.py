@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,23 @@ LEAST_POSES = 20
 """Whole poses of a stretch that is identified anew, at least."""
 GROWTH = 2.0
 """How much longer the next stretch that is identified anew is, until it is as long as it may be."""
+
+
+Why = Literal["", "another motion", "stamps", "unseen", "searching", "too fast"]
+"""Why no motion goes on from before: it does; the mechanism was touched, or has changed; the clock jumps; it
+was out of sight; no frame was followed, during the search or because they came too fast."""
+
+
+class Cut(NamedTuple):
+    """Where the motion that goes on without a break begins.
+
+    Attributes:
+        time: Time of its first frame [s].
+        why: Why it begins there.
+    """
+
+    time: float
+    why: Why = ""
 
 
 class Reviewed(NamedTuple):
@@ -55,7 +72,7 @@ class Identifier:
     Attributes:
         record: The poses so far.
         fit: The last fit of a whole stretch; None before one.
-        since: Begin of the motion that goes on without a break [s].
+        cut: Where the motion that goes on without a break begins.
         estimate: What was identified last at a frame; None before that, and while no fit can be used.
     """
 
@@ -74,7 +91,13 @@ class Identifier:
         self._review: Future[Reviewed] | None = None
         self._seen, self._astray, self._moved = -math.inf, -math.inf, np.zeros(0)
         self._fresh = False
-        self.since, self._next = -math.inf, math.inf
+        self.cut, self._next, self._begun = Cut(-math.inf), math.inf, -math.inf
+
+    @property
+    def base(self) -> Fit | None:
+        """The fit of a whole stretch that what was identified last rests on, and whose verdict holds; a later
+        one counts from the first frame that is identified with it. None before one."""
+        return self.fit if self.estimate is None else self.estimate.base
 
     def begin(self, begun: Begun) -> None:
         """Begin with what the first seconds have shown.
@@ -84,12 +107,12 @@ class Identifier:
         """
         found, self._mechanism = begun.found, begun.found.scene.mechanism
         self.record.add(found.poses)
-        self.since, self._seen = float(found.poses.time[0]), float(found.poses.time[-1])
+        self.cut, self._seen = Cut(float(found.poses.time[0])), float(found.poses.time[-1])
         self._moved = np.nanstd(found.poses.position, axis=0)
         self._take_up(Reviewed(found.fit, begun.horizon, float(found.poses.time[-1])))
-        if begun.later is not None:
-            self.record.add(begun.later)
-        self.estimate = begun.estimate
+        for row in range(0 if begun.later is None else len(begun.later)):
+            self._recorded(begun.later[row : row + 1])
+        self._begun, self.estimate = self._seen, begun.estimate
 
     def take(self, pose: Poses, *, broken: bool = False) -> None:
         """Take the next pose, and identify with it as soon as the one before is done.
@@ -104,12 +127,7 @@ class Identifier:
                 wait([self._estimating])
                 self._collect()
             self._horizon = None if self._horizon is None else self._horizon.broken_off()
-        if pose.measured.any():
-            # no motion goes on across a break, or while it is out of sight for long
-            if broken or now - self._seen > LONGEST_GAP:
-                self.since, self._next = now, now + self._live.begin
-            self._seen = now
-        self.record.add(pose)
+        self._recorded(pose, broken=broken)
         if self._horizon is not None:
             self._pending.append(pose)
         self._collect()
@@ -117,6 +135,25 @@ class Identifier:
         self._look_again(now)
         if self._in_order:
             self._wait_for_all()
+
+    def _recorded(self, pose: Poses, *, broken: bool = False) -> None:
+        """Record a pose; no motion goes on across a break, or while it is out of sight for long."""
+        now = float(pose.time[0])
+        if pose.measured.any():
+            if broken or now - self._seen > LONGEST_GAP:
+                self._cut_off(now, "stamps" if broken else self._gap())
+            self._seen = now
+        self.record.add(pose)
+
+    def _gap(self) -> Why:
+        """Return why nothing was seen since it was seen last."""
+        if self.record.since(self._seen, after=True) is not None:
+            return "unseen"
+        return "searching" if self._seen <= self._begun or self._begun == -math.inf else "too fast"
+
+    def _cut_off(self, now: float, why: Why) -> None:
+        """Let the motion begin anew; it is identified as soon as it has gone on for long enough."""
+        self.cut, self._next = Cut(now, why), now + self._live.begin
 
     def settle(self, give_up: Callable[[Future[Any]], None]) -> bool:
         """Wait for what is being identified.
@@ -163,12 +200,12 @@ class Identifier:
         """Identify anew what moves from now on: what came before tells nothing of it."""
         # what goes astray again and again does so since the first time
         if now - self._astray > self._live.begin:
-            self.since, self._next = now, now + self._live.begin
+            self._cut_off(now, "another motion")
         self._astray = now
 
     def _take_up(self, done: Reviewed) -> None:
         """Go on from a stretch that was identified anew."""
-        length = done.until - self.since
+        length = done.until - self.cut.time
         self._next = done.until + min((GROWTH - 1.0) * length, self._live.review)
         if done.horizon is None and self._horizon is not None:
             # what follows every frame goes on, though not undoubted
@@ -183,7 +220,7 @@ class Identifier:
         """Begin to identify a stretch anew where it is time to."""
         if self._review is not None or now < self._next or self._mechanism is None:
             return
-        rows = self.record.since(max(self.since, now - self._live.review))
+        rows = self.record.since(max(self.cut.time, now - self._live.review))
         if rows is None or int(rows.measured.all(axis=1).sum()) < LEAST_POSES:
             return
         moved = np.nanstd(rows.position, axis=0)

@@ -7,6 +7,7 @@ import json
 import queue
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from monodyn.live.document import step_document
@@ -16,6 +17,21 @@ WAITING = 2000
 """Lines that wait for a slow reader at most."""
 LAST_WAIT = 5.0
 """How long a reader may take for what is left at the end [s]."""
+BEGIN = b'{"schema":'
+"""What a line begins with: no other file of Monodyn's does."""
+
+
+def is_lines(path: Path) -> bool:
+    """Return whether a file has lines of a stream, or nothing: what may be replaced by other ones.
+
+    Args:
+        path: A file.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        return file.read(len(BEGIN)) in (b"", BEGIN)
 
 
 class Lines:

@@ -13,6 +13,8 @@ from monodyn.errors import FitError
 from monodyn.inputs import input_files
 from monodyn.job import Job, Outcome, Tracked
 from monodyn.live.begin import on_clip
+from monodyn.live.identifier import Why
+from monodyn.live.missed import cut_with_all, followed_later
 from monodyn.live.recorder import Recorder
 from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import Pictures, open_source
@@ -31,6 +33,14 @@ from monodyn.vision.release import FreeSpan
 
 CLIP = "clip.mp4"
 """What a stream is recorded as in the end."""
+BEFORE: dict[Why, str] = {
+    "another motion": "what came before is another motion.",
+    "stamps": "the time stamps jump there, and no motion goes on across that.",
+    "unseen": "the mechanism was out of sight before.",
+    "searching": "those before were not followed, as the search for the mechanism took so long.",
+    "too fast": "those before were not followed, as they came faster than that.",
+}
+"""Why earlier frames are not fitted, by why the motion is cut."""
 
 
 def follow(
@@ -90,13 +100,14 @@ def follow(
             )
         log.notes += found.notes
         scene = on_clip(found.scene, video)
-        poses, span = _tracked(session, video)
+        poses, span = _tracked(session, video, live, settings, progress)
         log.notes += span.notes
         sight = Sight(video, masks=scene.masks, scene=scene, poses=poses, fit_frames=span[:2])
         sight.free_frames = log.free_frames = span[:2]
         job = Job(settings, log, folder, progress, sight)
         job.write_poses(poses, scene.mechanism)
-        return concluded(job, Tracked(scene, poses, span), mechanism, model, folder)
+        verdict = None if session.last is None else session.last.verdict
+        return concluded(job, Tracked(scene, poses, span), mechanism, model, folder, verdict)
 
 
 def _go(session: Session, shown: Callable[[Session, Step], None] | None, recorder: Recorder | None) -> None:
@@ -131,12 +142,18 @@ def _watched(session: Session, shown: Callable[[Session, Step], None] | None, fo
     return read(folder.stage / CLIP)
 
 
-def _tracked(session: Session, video: Video) -> tuple[Poses, FreeSpan]:
+def _tracked(
+    session: Session, video: Video, live: LiveSettings, settings: RunSettings, progress: Progress | None
+) -> tuple[Poses, FreeSpan]:
     """Return the poses of a stream by the frames of its clip, and the last stretch in which the mechanism
     moved freely."""
-    found, record = session.found, session.identifier.record.whole
+    found, record, cut = session.found, session.identifier.record.whole, session.identifier.cut
     assert found is not None
     assert record is not None
+    if session.source.video is not None and session.last is not None:
+        followed = record
+        record = followed_later(found, record, video, session.last.index + 1, settings, progress)
+        cut = cut_with_all(found, followed, record, cut, live, settings)
     numbers = record.frame if session.recorded is None else _numbered(record.frame, session.recorded)
     kept = numbers >= 0
     rows, count, dofs = numbers[kept], video.count, len(record.joints)
@@ -151,11 +168,11 @@ def _tracked(session: Session, video: Video) -> tuple[Poses, FreeSpan]:
     if found.scene.doubt is not None:
         slides = np.array([joint.kind == "slide" for joint in found.scene.mechanism.joints])
         poses = found.scene.doubt.with_shifts(poses, slides)
-    seen = rows[record.time[kept] >= session.identifier.since]
+    seen = rows[record.time[kept] >= cut.time]
     first, last = (int(seen[0]), int(seen[-1])) if len(seen) else (int(rows[0]), int(rows[-1]))
     notes = []
-    if first > int(rows[0]):
-        notes.append(f"Fitted are the frames from {first} on: what came before is another motion.")
+    if first > int(rows[0]) and cut.why:
+        notes.append(f"Fitted are the frames from {first} on: {BEFORE[cut.why]}")
     return poses, FreeSpan(first, last + 1, tuple(notes))
 
 

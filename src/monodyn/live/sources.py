@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from numbers import Integral
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -21,6 +22,7 @@ import numpy as np
 
 from monodyn.errors import SettingsError, VideoError
 from monodyn.live.settings import LiveSettings
+from monodyn.numbers import is_whole
 from monodyn.types import Frame
 from monodyn.vision.clip.orientation import Turn, upright_planes
 from monodyn.vision.clip.video import Video, read
@@ -28,6 +30,10 @@ from monodyn.vision.settings import LEAST_SIDE
 
 USUAL_RATE = 30.0
 """Frames a second of what states no rate [Hz]."""
+LAST_CAMERA = 99
+"""Highest number of a camera: with those above it OpenCV means other ways to the same ones."""
+MOST_TOLD, DIGITS = 10**9, 100
+"""Numbers from here on are not written out, and digits after these do not count."""
 BACK_OFF = (0.1, 5.0)
 """First and longest wait before a stream is opened again [s]; each is twice the one before."""
 SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp", "rtp", "srt")
@@ -91,13 +97,14 @@ def open_source(
 
     Raises:
         VideoError: it cannot be opened, or gives no picture.
-        SettingsError: raw frames without a size.
+        SettingsError: raw frames without a size or without a standard input, or no number of a camera.
     """
     settings = settings or LiveSettings()
     if isinstance(source, str) and source == "-":
-        return raw_frames(sys.stdin.buffer, settings, rate or USUAL_RATE)
-    if isinstance(source, int) or (isinstance(source, str) and source.isdigit()):
-        return camera(int(source), rate)
+        return raw_frames(_standard_input(), settings, rate or USUAL_RATE)
+    if isinstance(source, Integral) or (isinstance(source, str) and is_whole(source)):
+        # Python reads no number of thousands of digits; far fewer are too many here
+        return camera(int(source[:DIGITS] if isinstance(source, str) else source), rate)
     if isinstance(source, str) and source.partition("://")[0] in SCHEMES:
         return stream_at(source, settings, rate)
     if isinstance(source, (str, Path)):
@@ -210,6 +217,17 @@ def raw_frames(pipe: BinaryIO, settings: LiveSettings, rate: float) -> Source:
     return Source("standard input", width, height, frames, live=live, remarks=remarks, closing=closing)
 
 
+def _standard_input() -> BinaryIO:
+    """Return the standard input; there is none where the caller has closed it, or has put a text there."""
+    pipe = getattr(sys.stdin, "buffer", None)
+    if pipe is None:
+        raise SettingsError(
+            "source '-': expected raw frames on the standard input, got one that is closed; send them "
+            "through a pipe."
+        )
+    return pipe
+
+
 def _taken(pipe: BinaryIO, count: int, closing: threading.Event) -> bytes:
     """Return so many bytes of a pipe; fewer where it ends, or where they are no longer wanted."""
     try:
@@ -238,8 +256,12 @@ def camera(number: int, rate: float | None) -> Source:
         rate: Frames a second that it is asked for [Hz]; None takes what it gives.
 
     Raises:
+        SettingsError: no camera can have that number.
         VideoError: there is no such camera, or it gives no picture.
     """
+    if not 0 <= number <= LAST_CAMERA:
+        got = number if abs(number) < MOST_TOLD else "a larger one" if number > 0 else "a smaller one"
+        raise SettingsError(f"camera: expected a number from 0 to {LAST_CAMERA}, got {got}; give another.")
     import cv2
 
     # what OpenCV prints of a camera that is not there is not for people

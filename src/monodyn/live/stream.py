@@ -97,6 +97,7 @@ class Session:
         identifier: Poses, and what was identified from them.
         said: What there is to say at this moment.
         notes: What people should know, in sentences.
+        last: What was known at the last frame so far; None before one.
         recorded: Number in its recording of each frame, by its number in the stream; None where the source
             is a clip itself.
     """
@@ -113,6 +114,7 @@ class Session:
         self.source: Source = source
         self.found: Found | None = None
         self.notes: list[str] = []
+        self.last: Step | None = None
         self.recorded: Mapping[int, int] | None = None
         self._applied, self._apply = Applied([joint.name for joint in mechanism.joints]), apply
         self.identifier = Identifier(
@@ -149,7 +151,7 @@ class Session:
             except StopIteration:
                 break
             if arrival is not None:
-                step = self._step(arrival)
+                step = self.last = self._step(arrival)
                 if self._apply is not None:
                     self._applied.add(step.time, self._apply(step))
                     self._applied.forget(step.time - FORGOTTEN * self._live.review)
@@ -173,12 +175,12 @@ class Session:
             self.identifier.take(pose, broken=broken)
         if self._tracker is not None and self.identifier.settle(self._feed.waits):
             fresh = time.perf_counter() - arrival.at
-        estimate = self.identifier.estimate
+        estimate, base = self.identifier.estimate, self.identifier.base
         errors = self._foreseen.add(pose, estimate)
         scene = None if self.found is None else self.found.scene
         return Step(
             frame.index, frame.time, self._phase, frame, pose, scene,
-            estimate, self.identifier.fit, self._sentence(pose), self._feed.skipped, latency, fresh, errors,
+            estimate, base, self._sentence(pose), self._feed.skipped, latency, fresh, errors,
         )  # fmt: skip
 
     @property
@@ -224,9 +226,9 @@ class Session:
 
     def _sentence(self, pose: Poses | None) -> str:
         """Return what there is to say."""
-        fit, estimate = self.identifier.fit, self.identifier.estimate
-        if self._tracker is not None and fit is not None:
-            self.said = estimate.astray if estimate is not None and estimate.astray else fit.status
+        base, estimate = self.identifier.base, self.identifier.estimate
+        if self._tracker is not None and base is not None:
+            self.said = estimate.astray if estimate is not None and estimate.astray else base.status
             if pose is not None and not pose.measured.any():
                 self.said = "The mechanism is not in sight."
         return self.said

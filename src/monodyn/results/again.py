@@ -16,6 +16,7 @@ from typing import Any, get_type_hints
 
 from monodyn.forms import notation, option_name
 from monodyn.mechanism.bundled import is_bundled
+from monodyn.numbers import is_whole
 
 FILE = "run.toml"
 """Its name."""
@@ -90,7 +91,7 @@ def is_no_file(text: object) -> bool:
     """
     if not isinstance(text, str):
         return isinstance(text, int)
-    return is_bundled(text) or text == "-" or text.isdigit() or "://" in text
+    return is_bundled(text) or text == "-" or is_whole(text) or "://" in text
 
 
 def _input(name: str, value: object) -> object:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from monodyn.errors import SettingsError
-from monodyn.estimation.fit import Doubt, Estimate, Fit
+from monodyn.estimation.fit import Doubt, Estimate, Fit, Grade
 from monodyn.estimation.parts import Combination, Start, TriedTorque, Unmodelled
 from monodyn.estimation.shooting.unknowns import SEEN_ONLY, assumed_sizes
 from monodyn.estimation.wording import listed
@@ -190,6 +190,25 @@ def known_before(model: str | Path, fit: Fit) -> list[str]:
     return [
         f"The motion of '{model}' determined {listed(known, 12)}, which counts for that record alone: "
         "identify both records together (monodyn identify with both tables) to have it here."
+    ]
+
+
+def judged_before(verdict: Grade | None, fit: Fit, frames: tuple[int, int]) -> list[str]:
+    """Say where a stream was judged otherwise while it went on.
+
+    Args:
+        verdict: The last one of the stream; None where there was none.
+        fit: The fit of its frames together.
+        frames: The first of these, and the one after the last.
+
+    Returns:
+        Sentences.
+    """
+    if verdict in (None, fit.grade):
+        return []
+    return [
+        f"At the last frame of the stream the verdict was {verdict}, by the seconds before it; that of "
+        f"frames {frames[0]} to {frames[1] - 1} together is {fit.grade}."
     ]
 
 

@@ -81,11 +81,32 @@ def estimates(
             std = np.inf
         elif p.follows:
             std = _std_along(columns[p.name], p.value, known)
-        one = _estimate(p, std, quantile, by_factor=errs_by_factor(unknowns, p))
+        one = stated(p, std, quantile, by_factor=errs_by_factor(unknowns, p))
         found.append(replace(one, free=i >= 0, at_bound=i >= 0 and bool(optimum.at_bound[i])))
     if drawn is not None:
         found = [_from_draws(estimate, mechanism.parameter(estimate.name), drawn) for estimate in found]
     return tuple(found)
+
+
+def stated(p: Parameter, std: float, quantile: float, *, by_factor: bool) -> Estimate:
+    """Return a parameter with its interval, cut at its bounds; one that was not searched.
+
+    Args:
+        p: The parameter, with its value.
+        std: Its standard deviation; 0 where it is known exactly, infinite where nothing is known of it.
+        quantile: Half width of an interval in standard deviations.
+        by_factor: Whether its error is a factor.
+    """
+    value, lower, upper = float(p.value), p.lower, p.upper
+    if std == 0.0:
+        lower, upper, clear = value, value, True
+    elif np.isfinite(std):
+        low, high = widened(value, value, value, quantile * std, by_factor=by_factor)
+        lower, upper = max(low, lower), min(high, upper)
+        clear = determined(value, std, by_factor=by_factor)
+    else:
+        clear = False
+    return Estimate(p.name, value, std, lower, upper, p.unit, free=False, identifiable=clear, at_bound=False)
 
 
 def errs_by_factor(unknowns: Unknowns, p: Parameter) -> bool:
@@ -154,17 +175,3 @@ def _from_draws(estimate: Estimate, p: Parameter, drawn: Posterior) -> Estimate:
     low, high = drawn.interval(values)
     lower, upper = max(low, p.lower), min(high, p.upper)
     return replace(estimate, lower=min(lower, estimate.value), upper=max(upper, estimate.value))
-
-
-def _estimate(p: Parameter, std: float, quantile: float, *, by_factor: bool) -> Estimate:
-    """Return a parameter with its interval, cut at its bounds; one that was not searched."""
-    value, lower, upper = float(p.value), p.lower, p.upper
-    if std == 0.0:
-        lower, upper, clear = value, value, True
-    elif np.isfinite(std):
-        low, high = widened(value, value, value, quantile * std, by_factor=by_factor)
-        lower, upper = max(low, lower), min(high, upper)
-        clear = determined(value, std, by_factor=by_factor)
-    else:
-        clear = False
-    return Estimate(p.name, value, std, lower, upper, p.unit, free=False, identifiable=clear, at_bound=False)
