@@ -16,6 +16,13 @@ Method = Literal["fast", "paper"]
 """What the method of a stage can be called; ``stages`` has the functions."""
 METHOD_NAMES: tuple[str, ...] = get_args(Method)
 
+BUNDLED_FILES = ("single", "double", "triple", "bob", "cartpole")
+BUNDLED = (*BUNDLED_FILES, "chain:N")
+"""Names that ``load`` takes; N is the number of links of a chain, 1 to 10."""
+
+AUTO = "auto"
+"""What stands for the one of them that the evidence prefers."""
+
 MOST_DRAWN = 100
 """Models that may be drawn from what the data allow."""
 
@@ -46,6 +53,15 @@ class Tolerance:
             joint: Its kind, ``hinge`` or ``slide``.
         """
         return self.angle if joint == "hinge" else self.length
+
+
+def is_bundled(source: object) -> bool:
+    """Return whether a mechanism is named that comes with the package, or any, whatever file has the name.
+
+    Args:
+        source: What was given as a mechanism; a path is none of these names.
+    """
+    return isinstance(source, str) and (source in (*BUNDLED_FILES, AUTO) or source.startswith("chain:"))
 
 
 def check_whole(name: str, value: object) -> None:

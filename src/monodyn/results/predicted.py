@@ -18,7 +18,7 @@ from monodyn.mechanism.dimensions import MASS_KINDS
 from monodyn.mechanism.steps import spacing
 from monodyn.mechanism.tree import INERTIA, MASS
 from monodyn.numbers import shown_in
-from monodyn.results.again import FILE, again_text
+from monodyn.results.run_toml import RUN_TOML, command_toml
 from monodyn.results.curves import BAND, state_curves
 from monodyn.results.export import json_text, motion_table
 from monodyn.results.fill import States, fill
@@ -166,7 +166,7 @@ def predict_run(
     found = replace(found, notes=(*found.notes, *folder.notes))
     with folder.filling():
         _write(folder, found, wanted, Path(run), background, progress)
-        folder.write_text(FILE, again_text("predict", {"run": run, "film": film, "clip": clip}, wanted))
+        folder.write_text(RUN_TOML, command_toml("predict", {"run": run, "film": film, "clip": clip}, wanted))
     return replace(found, folder=folder.path)
 
 

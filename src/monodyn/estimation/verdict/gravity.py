@@ -15,7 +15,7 @@ from monodyn.estimation.verdict.refine import Refined
 from monodyn.estimation.verdict.shares import Share, added
 from monodyn.estimation.verdict.uncertainty import Knowledge, knowledge_at, without_states
 from monodyn.mechanism import Mechanism
-from monodyn.mechanism.bundled import is_bundled
+from monodyn.choices import is_bundled
 
 GRAVITY_STD = 1.5e-3
 """Standard deviation of gravity where it is taken from a file, as a share of it: it is 9.780 to 9.832 m/s^2
