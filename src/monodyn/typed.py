@@ -86,8 +86,9 @@ def check_types(where: str, values: Mapping[str, object], hints: Mapping[str, An
     """
     for name, value in values.items():
         if name in hints and not is_a(value, hints[name]):
+            what, wrong, hint = _blamed(name, value, hints[name])
             raise SettingsError(
-                f"{where}: expected {name} to be {_said(hints[name])}, got {_kind(value)}; give another."
+                f"{where}: expected {what} to be {_said(hint)}, got {_kind(wrong)}; give another."
             )
 
 
@@ -162,6 +163,33 @@ def _listed(value: Any) -> bool:
     return isinstance(value, Sequence | Set) or hasattr(value, "__array__")
 
 
+def _blamed(name: str, value: Any, hint: Any) -> tuple[str, Any, Any]:
+    """Return what is of another type than stated, as a caller writes it, its value and what was stated.
+
+    That is an item where the value is what holds such items, else the value.
+    """
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        within = [_blamed(name, value, one) for one in inner]
+        return next((found for found in within if found[0] != name), (name, value, hint))
+    held: list[tuple[str, Any, Any]] = []
+    if inspect.isclass(origin) and issubclass(origin, Mapping) and isinstance(value, Mapping):
+        held = [(f"the keys of {name}", key, inner[0]) for key in value]
+        held += [(f"{name}[{key!r}]", item, inner[1]) for key, item in value.items()]
+    elif (
+        inspect.isclass(origin)
+        and issubclass(origin, Sequence)
+        and isinstance(value, Sequence)
+        and _listed(value)
+    ):
+        endless = origin is not tuple or inner[-1] is Ellipsis
+        kinds = [inner[0]] * len(value) if endless else inner
+        # where there are too many, or too few, it is no item that is wrong
+        held = [(f"{name}[{k}]", *each) for k, each in enumerate(zip(value, kinds, strict=False))]
+        held = held if len(kinds) == len(value) else []
+    return next((_blamed(*each) for each in held if not is_a(*each[1:])), (name, value, hint))
+
+
 def _said(hint: Any) -> str:
     """Write an annotation as a reader of the documentation knows it."""
     origin, inner = get_origin(hint), get_args(hint)
@@ -178,10 +206,13 @@ def _said(hint: Any) -> str:
         return "a function"
     named = getattr(hint if origin is None else origin, "__name__", str(hint))
     items = [_said(one) for one in inner if one is not Ellipsis]
-    return f"{named} of {' and '.join(dict.fromkeys(items))}" if items else named
+    count = f"{len(items)} items, " if origin is tuple and Ellipsis not in inner else ""
+    return f"{named} of {count}{' and '.join(dict.fromkeys(items))}" if items else named
 
 
 def _kind(value: object) -> str:
     """Say what a value is: itself where it is short, else its type."""
-    shown = isinstance(value, str | Real) and len(repr(value)) <= 40
-    return f"{value!r}" if shown or value is None else f"a value of type {type(value).__name__}"
+    if value is None or (isinstance(value, str | Real) and len(repr(value)) <= 40):
+        return repr(value)
+    count = f" with {len(value)} items" if isinstance(value, tuple) else ""
+    return f"a value of type {type(value).__name__}{count}"

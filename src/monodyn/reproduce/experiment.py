@@ -40,7 +40,7 @@ from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read
 
 EXPERIMENT_FILES = (
-    "clip.mp4", "truth.json", "start.xml", "table.csv", "reproduce.json", "reproduce.html", FILE,
+    "clip.mp4", "truth.json", "start.xml", "table.csv", "reproduce.json", "reproduce.html", RUN_TOML,
 )  # fmt: skip
 """Names of the files of an experiment."""
 EXPERIMENT = FolderKind("experiment", EXPERIMENT_FILES, whole=True)

@@ -31,7 +31,7 @@ from monodyn.results.swing import SwingUp, swing_up
 from monodyn.types import Progress
 
 CONTROL = FolderKind(
-    "controller", ("control.json", "control.html", "control.mp4", "model.xml", FILE), whole=True
+    "controller", ("control.json", "control.html", "control.mp4", "model.xml", RUN_TOML), whole=True
 )
 BALANCING = 10.0
 """How long a balance is simulated, also after a swing [s]."""

@@ -35,7 +35,7 @@ from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read
 
 PREDICTION = FolderKind(
-    "prediction", ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4", FILE), whole=True
+    "prediction", ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4", RUN_TOML), whole=True
 )
 
 
@@ -262,7 +262,7 @@ def _write(
     table = motion_table(names, [(range(len(states.time)), states)])
     folder.write_text("prediction.csv", table)
     folder.write_text("prediction.json", json_text(found.document))
-    files = [*folder.written, FILE, *(["prediction.mp4"] if background is not None else [])]
+    files = [*folder.written, RUN_TOML, *(["prediction.mp4"] if background is not None else [])]
     folder.write_text("prediction.html", sequel_text(_page(found, wanted, run), files, run, folder.path))
     if background is not None:
         folder.write("prediction.mp4", lambda path: _film(path, found, run, background, progress))
