@@ -64,11 +64,13 @@ class Notation:
             return parts
         found: dict[str, str] = {}
         for part in parts:
-            name, equals, text = part.partition("=")
-            if not (name and equals):
+            name, _, text = part.partition("=")
+            if not (name and text):
                 raise self._refusal(option, part)
             if name in found:
-                raise SettingsError(f"{option}: expected each name once, got '{name}' twice; keep one of them.")
+                raise SettingsError(
+                    f"{option}: expected each name once, got '{name}' twice; keep one of them."
+                )
             found[name] = text
         return found
 
@@ -189,13 +191,6 @@ def _tolerance(text: str) -> Tolerance:
     return Tolerance(**found)
 
 
-def _target(text: str) -> str:
-    """Return a word that is not empty."""
-    if not text:
-        raise ValueError(text)
-    return text
-
-
 def _range(kind: type[int] | type[float]) -> Callable[[Sequence[Any]], str]:
     """Return what writes a range, whose end may be open."""
     # numbers of numpy count as numbers: each is written as Python's own
@@ -241,7 +236,7 @@ NOTATIONS: dict[Any, Notation] = {
         lambda most: f"{float(most.angle)!r}rad,{float(most.length)!r}m", "5deg,2cm",
     ),
     Mapping[str, str]: Notation(
-        "NAME=TARGET ...", "{}", _target, _named(str), "knee=joint2", many=True, named=True, commas=True
+        "NAME=TARGET ...", "{}", str, _named(str), "knee=joint2", many=True, named=True, commas=True
     ),
     Mapping[str, float]: Notation(
         "NAME=VALUE ...", "{} with a number", float, _named(float), "gravity=9.81", many=True, named=True,
@@ -256,7 +251,8 @@ NOTATIONS: dict[Any, Notation] = {
     ),
     # a comma is part of the name of a file
     tuple[Path, ...]: Notation(
-        "FILE", "files", lambda names: tuple(map(Path, names)), lambda files: list(map(_place, files)), many=True
+        "FILE", "files", lambda names: tuple(map(Path, names)), lambda files: list(map(_place, files)),
+        many=True,
     ),
 }  # fmt: skip
 """The notation of each type of setting."""

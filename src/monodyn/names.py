@@ -116,10 +116,10 @@ def _likeness(name: str, given: str, grouped: bool) -> float:
 
 
 def _errors(one: str, other: str) -> int:
-    """Return how many slips make one word of another: letters left out, added or mistaken, neighbours exchanged.
+    """Return how many slips make one word of another: letters left out, added, mistaken, or exchanged.
 
-    Source: optimal string alignment, after F. J. Damerau, A technique for computer detection and correction of
-    spelling errors, Communications of the ACM 7 (1964).
+    Source: F. J. Damerau, A technique for computer detection and correction of spelling errors,
+    Communications of the ACM 7 (1964), as the optimal string alignment.
     """
     if abs(len(one) - len(other)) > MOST_ERRORS:
         return MOST_ERRORS + 1

@@ -26,6 +26,7 @@ from monodyn.checks import (
     unshown,
     untracked,
 )
+from monodyn.choices import AUTO
 from monodyn.choose import candidates, choose, nearest
 from monodyn.doubtful import doubtful_sight, likely_sight, unshown_parts
 from monodyn.errors import VideoError
@@ -43,7 +44,6 @@ from monodyn.inputs import (
 )
 from monodyn.job import Job, Outcome, Tracked, shown_if_refused
 from monodyn.kept import kept_doubts
-from monodyn.choices import AUTO
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings, fit_document

@@ -11,9 +11,7 @@ from monodyn.results.run_toml import document_toml, given, written
 from monodyn.settings import SHARED, STAGES, UNUSED, RunSettings
 
 
-def run_toml(
-    command: str, inputs: Mapping[str, object], settings: RunSettings, live: object = None
-) -> str:
+def run_toml(command: str, inputs: Mapping[str, object], settings: RunSettings, live: object = None) -> str:
     """Return the content of ``run.toml``.
 
     Args:

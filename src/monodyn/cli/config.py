@@ -19,8 +19,8 @@ from monodyn.results.run_toml import is_no_file
 def read_config(file: str | Path, command: str, options: Sequence[Option]) -> dict[str, Any]:
     """Return what a settings file gives, by the names of options, as ``Notation.items`` does of words.
 
-    Relative paths start at the folder of the file. Items of lists and tables are taken as they are: a comma, or
-    an equals sign, is part of a name there.
+    Relative paths start at the folder of the file. Items of lists and tables are taken as they are: a comma,
+    or an equals sign, is part of a name there.
 
     Args:
         file: The settings file.

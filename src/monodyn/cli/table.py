@@ -113,7 +113,10 @@ def _of(kind: type[Any], place: str, chosen: Sequence[Field[Any]] | None = None)
     """Yield the options that fields of a class are."""
     hints, said = get_type_hints(kind), described(kind)
     group = "" if place in ("", "settings") else f"{place}."
-    for setting in fields(kind) if chosen is None else chosen:
+    # what a command states itself comes before what it shares with others
+    stated = inspect.get_annotations(kind) if not place else hints
+    ordered = sorted(fields(kind), key=lambda setting: setting.name not in stated)
+    for setting in ordered if chosen is None else chosen:
         if setting.metadata.get("hidden") or (group and setting.name in SHARED):
             continue
         notes = setting.metadata

@@ -31,10 +31,10 @@ from monodyn.reproduce.truth import Truth
 from monodyn.reproduce.units import units_of
 from monodyn.reproduce.vision import BOTH_METHODS, TITLES
 from monodyn.reproduce.vision_figures import filtered_states, history_figure, starts_figure, states_figure
-from monodyn.results.run_toml import RUN_TOML, command_toml
 from monodyn.results.export import json_text
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.log import versions
+from monodyn.results.run_toml import RUN_TOML, command_toml
 from monodyn.typed import check_fields
 from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read

@@ -13,7 +13,6 @@ from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
 from monodyn.numbers import shown_in
-from monodyn.results.run_toml import RUN_TOML, command_toml
 from monodyn.results.caveats import draws_said, seldom, turned, undrawn
 from monodyn.results.closed import ClosedLoop, closed_loop
 from monodyn.results.curves import loop_curves
@@ -26,6 +25,7 @@ from monodyn.results.models import write_controlled
 from monodyn.results.opened import open_run
 from monodyn.results.push import Push, let_go
 from monodyn.results.regulator import RATE, Allowed, Regulator, lqr
+from monodyn.results.run_toml import RUN_TOML, command_toml
 from monodyn.results.sequel import Sequel, Table, notes_of, sequel_text
 from monodyn.results.swing import SwingUp, swing_up
 from monodyn.types import Progress

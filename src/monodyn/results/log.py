@@ -13,8 +13,8 @@ from dataclasses import asdict, dataclass, field, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from monodyn.errors import MonodynError, is_interrupt
 from monodyn.choices import is_bundled
+from monodyn.errors import MonodynError, is_interrupt
 from monodyn.results.export import json_text, jsonable
 from monodyn.results.folder import RunFolder
 from monodyn.results.run_toml import RUN_TOML
@@ -67,7 +67,9 @@ class RunLog:
         comparison: The mechanisms that were tried, the chosen one first; none where the user named it.
     """
 
-    def __init__(self, command: str, inputs: Mapping[str, object], settings: object, run_toml: str = "") -> None:
+    def __init__(
+        self, command: str, inputs: Mapping[str, object], settings: object, run_toml: str = ""
+    ) -> None:
         """Start the log.
 
         Args:

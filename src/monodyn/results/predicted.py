@@ -18,7 +18,6 @@ from monodyn.mechanism.dimensions import MASS_KINDS
 from monodyn.mechanism.steps import spacing
 from monodyn.mechanism.tree import INERTIA, MASS
 from monodyn.numbers import shown_in
-from monodyn.results.run_toml import RUN_TOML, command_toml
 from monodyn.results.curves import BAND, state_curves
 from monodyn.results.export import json_text, motion_table
 from monodyn.results.fill import States, fill
@@ -29,13 +28,16 @@ from monodyn.results.opened import clip_of, filmed_by, is_other_clip, open_run
 from monodyn.results.overlay import PREDICTED, Drawing, write_overlay
 from monodyn.results.predict import evenly
 from monodyn.results.restart import acting, restart
+from monodyn.results.run_toml import RUN_TOML, command_toml
 from monodyn.results.sequel import Sequel, notes_of, sequel_text
 from monodyn.results.sight import outlines_of
 from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read
 
 PREDICTION = FolderKind(
-    "prediction", ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4", RUN_TOML), whole=True
+    "prediction",
+    ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4", RUN_TOML),
+    whole=True,
 )
 
 

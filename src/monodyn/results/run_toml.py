@@ -53,14 +53,14 @@ def document_toml(command: str, plain: Mapping[str, Any], stages: Mapping[str, M
         plain: Values by the names of their options.
         stages: Values of each stage by the names of its options.
     """
-    tables = {name: value for name, value in plain.items() if isinstance(value, dict) and value}
+    # nothing is said of several of which there are none
+    plain = {name: value for name, value in plain.items() if not isinstance(value, (dict, list)) or value}
+    tables = {name: value for name, value in plain.items() if isinstance(value, dict)}
     lines = [
         "# The settings of this run. To do it again, into another folder:",
         f"#   monodyn {command} --config run.toml --out again",
     ]
-    lines += [
-        _line(name, value) for name, value in plain.items() if value not in ({}, []) and name not in tables
-    ]
+    lines += [_line(name, value) for name, value in plain.items() if name not in tables]
     for name, table in {**tables, **stages}.items():
         lines += ["", f"[{_key(name)}]", *(_line(key, value) for key, value in table.items())]
     return "\n".join(lines) + "\n"
