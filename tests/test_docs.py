@@ -15,7 +15,7 @@ from docstrings import Rules, violations
 from monodyn.cli.options import COMMANDS
 from monodyn.cli.parse import parsed
 from monodyn.settings import RunSettings
-from monodyn.settings_file import settings_text
+from monodyn.settings_file import run_toml
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "monodyn"
@@ -142,7 +142,7 @@ def test_a_docstring_that_lacks_something_is_found() -> None:
 def test_commands_in_the_readme_parse(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("run").mkdir()
-    written = settings_text("run", {"clip": "clip.mp4", "model": "double.xml"}, RunSettings())
+    written = run_toml("run", {"clip": "clip.mp4", "model": "double.xml"}, RunSettings())
     Path("run/run.toml").write_text(written, encoding="utf-8")
     command, *words = line.split()[1:]
     assert command in COMMANDS

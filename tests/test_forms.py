@@ -11,124 +11,98 @@ import pytest
 
 from monodyn.choices import Tolerance
 from monodyn.errors import SettingsError
-from monodyn.forms import (
-    frame_range,
-    intervals,
-    names,
-    notation,
-    numbers,
-    paths,
-    rectangle,
-    sides,
-    three,
-    time_range,
-    tolerance,
-    values,
-    words,
-)
+from monodyn.forms import notation
 from support import refuses
 
-
-def test_frame_range() -> None:
-    assert frame_range("fit-frames", "3:9") == (3, 9)
-    assert frame_range("fit-frames", ":9") == (0, 9)
-    assert frame_range("fit-frames", "3:") == (3, None)
-    with refuses(SettingsError, "fit-frames: expected A:B with whole frame numbers, got 'ten'; e.g. 0:120."):
-        frame_range("fit-frames", "ten")
-
-
-def test_repeated_options_are_read_in_order() -> None:
-    assert values("fix", ("a=1", "b=-2.5e3", "c=0")) == {"a": 1.0, "b": -2500.0, "c": 0.0}
-    assert intervals("bounds", ("a=1:2", "b=-inf:0")) == {"a": (1.0, 2.0), "b": (-float("inf"), 0.0)}
-    assert names("free", ("a", "b", "c")) == ("a", "b", "c")
+FRAMES, SECONDS = tuple[int, int | None], tuple[float, float | None]
+BOX, SIZE, BENDS, GAINS = (
+    tuple[int, int, int, int],
+    tuple[int, int],
+    tuple[float, ...],
+    tuple[float, float, float],
+)
+TARGETS, VALUES, INTERVALS = Mapping[str, str], Mapping[str, float], Mapping[str, tuple[float, float]]
+NAMES, FILES = Sequence[str], tuple[Path, ...]
 
 
-def test_blanks_or_commas_stand_between_words() -> None:
-    assert values("fix", ("a=1,b=2", "c=0,", "d=1")) == {"a": 1.0, "b": 2.0, "c": 0.0, "d": 1.0}
-    assert intervals("bounds", ("a=1:2,b=0:1",)) == {"a": (1.0, 2.0), "b": (0.0, 1.0)}
-    assert names("free", ("a,b", "c")) == ("a", "b", "c")
-    assert words("points.map", ["a=joint1,b=none"]) == {"a": "joint1", "b": "none"}
-    assert paths("torques", ("a,b.csv",)) == (Path("a,b.csv"),)
+def read(kind: Any, *words: str) -> Any:
+    """Read words as a command line does."""
+    form = notation(kind)
+    return form.read("option", form.items("option", words))
 
 
-@pytest.mark.parametrize("word", ["gravity", "a=1=2", "a=", "", ","])
-def test_a_value_is_a_name_and_a_number(word: str) -> None:
-    with refuses(SettingsError, f"fix: expected NAME=VALUE with a number, got '{word}'; e.g. gravity=9.81."):
-        values("fix", (word,))
+@pytest.mark.parametrize(
+    ("kind", "words", "value"),
+    [
+        (FRAMES, "3:9", (3, 9)),
+        (FRAMES, ":9", (0, 9)),
+        (FRAMES, "3:", (3, None)),
+        (SECONDS, "1.3:6", (1.3, 6.0)),
+        (SECONDS, ":.5", (0.0, 0.5)),
+        (SECONDS, "2.:", (2.0, None)),
+        # clips may begin before 0
+        (SECONDS, "-1:2", (-1.0, 2.0)),
+        (SECONDS, "0:inf", (0.0, math.inf)),
+        (BOX, "120,0,480,360", (120, 0, 480, 360)),
+        (SIZE, "1280,720", (1280, 720)),
+        (BENDS, "-0.3,1e-2,0,0", (-0.3, 0.01, 0.0, 0.0)),
+        (GAINS, "0.4,0.1 0.05", (0.4, 0.1, 0.05)),
+        (Tolerance, "3mm", Tolerance(length=3e-3)),
+        (Tolerance, ".1rad", Tolerance(angle=0.1)),
+        (Tolerance, "5deg,1cm", Tolerance(math.radians(5.0), 0.01)),
+        # several are read in order, with blanks or commas between them
+        (VALUES, "a=1 b=-2.5e3 c=0", {"a": 1.0, "b": -2500.0, "c": 0.0}),
+        (VALUES, "a=1,b=2 c=0, d=1", {"a": 1.0, "b": 2.0, "c": 0.0, "d": 1.0}),
+        (INTERVALS, "a=1:2,b=-inf:0", {"a": (1.0, 2.0), "b": (-math.inf, 0.0)}),
+        (TARGETS, "a=joint1,b=none", {"a": "joint1", "b": "none"}),
+        (NAMES, "a,b c", ("a", "b", "c")),
+        (FILES, "a,b.csv", (Path("a,b.csv"),)),
+    ],
+)
+def test_words_become_values(kind: Any, words: str, value: Any) -> None:
+    assert read(kind, *words.split()) == value
 
 
-@pytest.mark.parametrize("word", ["link1.length=3", "a=1:", "a"])
-def test_bounds_are_a_name_and_two_numbers(word: str) -> None:
-    said = f"bounds: expected NAME=LOW:HIGH with two numbers, got '{word}'; e.g. link1.length=0.1:0.3."
-    with refuses(SettingsError, said):
-        intervals("bounds", (word,))
+def test_blanks_within_a_word_make_no_difference() -> None:
+    assert read(BOX, "120,0, 480,360") == (120, 0, 480, 360)
+    assert read(SIZE, "1280, 720") == (1280, 720)
+    assert read(BENDS, "-0.3, 0,0,0") == (-0.3, 0.0, 0.0, 0.0)
+    assert read(Tolerance, "5deg, 2cm") == Tolerance()
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "said"),
+    [
+        (FRAMES, ("ten", "-3:5"), "A:B with whole frame numbers, got '{}'; e.g. 0:120."),
+        (SECONDS, ("6", "a:b", "1:2:3"), "A:B in seconds, got '{}'; e.g. 1.3:6."),
+        (BOX, ("120,0,480", "1.5,0,4,3", "-1,0,40,30"),
+         "X,Y,W,H with whole numbers of pixels, got '{}'; e.g. 120,0,480,360."),
+        (SIZE, ("12",), "W,H with whole numbers of pixels, got '{}'; e.g. 1280,720."),
+        (BENDS, ("-0.3,x", "", "0.1,,0"),
+         "numbers with commas between them, got '{}'; e.g. -0.28,0.09,0,0."),
+        (GAINS, ("1,2",), "three numbers, got '{}'; e.g. 0.4,0.1,0.05."),
+        (Tolerance, ("5", "5deg,3deg", "0deg", "-1deg", "5 %", ""),
+         "an angle, a length or both, above 0, got '{}'; e.g. 5deg,2cm."),
+        (VALUES, ("gravity", "a=1=2", "a=", "=1", "", ","),
+         "NAME=VALUE with a number, got '{}'; e.g. gravity=9.81."),
+        (INTERVALS, ("link1.length=3", "a=1:", "a"),
+         "NAME=LOW:HIGH with two numbers, got '{}'; e.g. link1.length=0.1:0.3."),
+        (TARGETS, ("a", "a=", "=joint1"), "NAME=TARGET, got '{}'; e.g. knee=joint2."),
+        (bool, ("yes",), "true or false, got '{}'."),
+        (int, ("1.5",), "a whole number, got '{}'."),
+        (float | None, ("x",), "a number, got '{}'."),
+        (Literal["fast", "paper"], ("slow",), "one of 'fast', 'paper', got '{}'."),
+    ],
+)  # fmt: skip
+def test_what_is_no_value_of_its_type_is_refused(kind: Any, words: tuple[str, ...], said: str) -> None:
+    for word in words:
+        with refuses(SettingsError, f"option: expected {said.format(word)}"):
+            read(kind, word)
 
 
 def test_a_name_comes_once() -> None:
-    said = "bounds: expected each name once, got 'a' twice; keep one of them."
-    with refuses(SettingsError, said):
-        intervals("bounds", ("a=1:2", "a=1:2"))
-
-
-def test_tolerances_are_an_angle_a_length_or_both() -> None:
-    both = tolerance("tolerance", "5deg, 2cm")
-    assert (both.angle, both.length) == (pytest.approx(0.0872664626), 0.02)
-    assert tolerance("tolerance", "3mm").length == pytest.approx(3e-3)
-    assert tolerance("tolerance", ".1rad") == Tolerance(angle=0.1)
-    for text in ("5", "5deg,3deg", "0deg", "-1deg", "5 %", ""):
-        said = f"tolerance: expected an angle, a length or both, above 0, got '{text}'; e.g. 5deg,2cm."
-        with refuses(SettingsError, said):
-            tolerance("tolerance", text)
-
-
-def test_time_range() -> None:
-    assert time_range("time-range", "1.3:6") == (1.3, 6.0)
-    assert time_range("time-range", ":.5") == (0.0, 0.5)
-    assert time_range("time-range", "2.:") == (2.0, None)
-    for text in ("6", "a:b", "-1:3", "1:2:3"):
-        with refuses(SettingsError, f"time-range: expected A:B in seconds, got '{text}'; e.g. 1.3:6."):
-            time_range("time-range", text)
-
-
-def test_rectangle() -> None:
-    assert rectangle("roi", "120,0, 480,360") == (120, 0, 480, 360)
-    for text in ("120,0,480", "1.5,0,4,3", "-1,0,40,30"):
-        with refuses(
-            SettingsError,
-            f"roi: expected X,Y,W,H with whole numbers of pixels, got '{text}'; e.g. 120,0,480,360.",
-        ):
-            rectangle("roi", text)
-
-
-def test_sides_are_two_whole_numbers() -> None:
-    assert sides("points.size", "1280, 720") == (1280, 720)
-    with refuses(
-        SettingsError, "points.size: expected W,H with whole numbers of pixels, got '12'; e.g. 1280,720."
-    ):
-        sides("points.size", "12")
-
-
-def test_numbers() -> None:
-    assert numbers("camera.distortion", "-0.3, 1e-2,0,0") == (-0.3, 0.01, 0.0, 0.0)
-    for text in ("-0.3,x", "", "0.1,,0"):
-        with refuses(
-            SettingsError,
-            f"camera.distortion: expected numbers with commas between them, got '{text}'; e.g. "
-            "-0.28,0.09,0,0.",
-        ):
-            numbers("camera.distortion", text)
-
-
-def test_words_by_name() -> None:
-    assert words("points.map", ["a=joint1", "b=none"]) == {"a": "joint1", "b": "none"}
-    with refuses(SettingsError, "points.map: expected NAME=TARGET, got 'a='; e.g. knee=joint2."):
-        words("points.map", ["a="])
-
-
-def test_three_numbers() -> None:
-    assert three("identify.gains", ["0.4,0.1", "0.05"]) == (0.4, 0.1, 0.05)
-    with refuses(SettingsError, "identify.gains: expected three numbers, got 2; e.g. 0.4,0.1,0.05."):
-        three("identify.gains", ["1", "2"])
+    with refuses(SettingsError, "option: expected each name once, got 'a' twice; keep one of them."):
+        read(INTERVALS, "a=1:2", "a=1:2")
 
 
 @pytest.mark.parametrize(
@@ -158,19 +132,8 @@ def test_what_is_written_is_read_as_the_same_value(kind: Any, value: Any, writte
     form = notation(kind)
     assert form.write(value) == written
     if form.named:
-        words = [f"{name}={one}" for name, one in written.items()]
+        items: Any = {name: str(one) for name, one in written.items()}
     else:
-        words = [str(one) for one in (written if isinstance(written, list) else [written])]
-    words = [word.lower() if kind is bool else word for word in words]
-    assert form.read("option", words if form.many else words[0]) == value
-
-
-def test_what_is_no_value_of_its_type_is_refused() -> None:
-    for kind, text, message in [
-        (bool, "yes", "option: expected true or false, got 'yes'."),
-        (int, "1.5", "option: expected a whole number, got '1.5'."),
-        (float | None, "x", "option: expected a number, got 'x'."),
-        (Literal["fast", "paper"], "slow", "option: expected one of 'fast', 'paper', got 'slow'."),
-    ]:
-        with refuses(SettingsError, message):
-            notation(kind).read("option", text)
+        items = [str(one) for one in written] if isinstance(written, list) else str(written)
+        items = items.lower() if kind is bool else [items] if form.many and isinstance(items, str) else items
+    assert form.read("option", items) == value

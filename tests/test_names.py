@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from monodyn.names import known, near_files, quoted, short
+from monodyn.cli.options import COMMANDS
+from monodyn.cli.table import listed
+from monodyn.names import known, near, near_files, quoted, short
 
 PARAMETERS = ["link1.length", "link1.width", "link2.length", "camera.x", "camera.y", "gravity"]
 
@@ -16,6 +18,7 @@ PARAMETERS = ["link1.length", "link1.width", "link2.length", "camera.x", "camera
     [
         ("link1.lenght", "did you mean 'link1.length' or 'link2.length'?"),
         ("gravty", "did you mean 'gravity'?"),
+        ("garvtiy", "did you mean 'gravity'?"),
         # of the same group, and nothing else
         ("camera.zoom", "parameters: 'link1.length', 'link1.width', 'link2.length', 'camera.x', 'camera.y', "
          "'gravity'."),
@@ -23,6 +26,30 @@ PARAMETERS = ["link1.length", "link1.width", "link2.length", "camera.x", "camera
 )  # fmt: skip
 def test_what_is_near_is_asked_about(given: str, end: str) -> None:
     assert known("parameters", PARAMETERS, given) == end
+
+
+@pytest.mark.parametrize(
+    ("given", "names"),
+    [
+        ("form", ["from"]), ("fsat", ["fast"]), ("rio", ["roi"]), ("fixx", ["fix"]), ("jont1", ["joint1"]),
+        ("versoin", ["version"]), ("modle", ["model"]), ("actauted", ["actuated"]), ("ot", ["out"]),
+    ],
+)  # fmt: skip
+def test_slips_of_short_words_are_seen(given: str, names: list[str]) -> None:
+    known = ["from", "fast", "roi", "fix", "joint1", "version", "model", "actuated", "out", "at", "paper"]
+    assert near(known, given) == names
+
+
+def test_words_that_have_nothing_to_do_with_a_name_bring_none_to_mind() -> None:
+    options = {option.name for command in COMMANDS for option in listed(command)}
+    words = (
+        "time house water light green table plane river stone music chair bread cloud horse night sound "
+        "heart voice world money story month study book word side kind head hand part place case week "
+        "company number home area lot mother father a b c x1 y2"
+    )
+    assert [word for word in words.split() if near(sorted(options), word)] == []
+    # nor does one letter, or two, one after the other
+    assert near(["a", "b", "j1", "j2"], "j3") == near(["a", "b"], "c") == near(["x"], "") == []
 
 
 def test_capitals_make_no_difference() -> None:

@@ -48,6 +48,13 @@ def test_an_exposure_needs_pictures_and_the_default_method() -> None:
     assert RunSettings(method="paper", camera=CameraSettings(exposure=0.0)).camera.exposure == 0.0
 
 
+def test_frames_to_fit_are_counted_from_the_first() -> None:
+    for frames, got in (((-3, 5), "-3:5"), ((0, -10), "0:-10"), ((-1, None), "-1:")):
+        said = f"fit-frames: expected A:B with frames from 0 on, got {got}; count from the first frame."
+        with refuses(SettingsError, said):
+            RunSettings(fit_frames=frames)
+
+
 def test_the_seed_and_the_method_of_the_run_reach_its_stages() -> None:
     settings = RunSettings(seed=5, method="paper", track=TrackSettings(method="fast"))
     assert (settings.locate.seed, settings.identify.seed) == (5, 5)

@@ -60,15 +60,32 @@ def test_settings_and_choices_of_other_types_are_refused() -> None:
         monodyn.LocateSettings(focal="wide")  # type: ignore[arg-type]
     mechanism = monodyn.load("single")
     with refuses(
-        SettingsError,
-        "with_choices: expected fix to be Mapping of a text and a number or None, got a value of type dict; "
-        "give another.",
+        SettingsError, "with_choices: expected fix['gravity'] to be a number, got 'abc'; give another."
     ):
         mechanism.with_choices(fix={"gravity": "abc"})  # type: ignore[dict-item]
     with refuses(
         SettingsError, "with_choices: expected free to be Sequence of a text, got 'gravity'; give another."
     ):
         mechanism.with_choices(free="gravity")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"fix": {3: 1.0}}, "the keys of fix to be a text, got 3"),
+        ({"fix": [("gravity", 1.0)]},
+         "fix to be Mapping of a text and a number, got a value of type list"),
+        ({"free": ["gravity", 3]}, "free[1] to be a text, got 3"),
+        ({"bounds": {"a": (1, "x")}}, "bounds['a'][1] to be a number, got 'x'"),
+        ({"bounds": {"a": (1, 2, 3)}},
+         "bounds['a'] to be tuple of 2 items, a number, got a value of type tuple with 3 items"),
+        ({"fit_frames": (1, 2.5)}, "fit_frames[1] to be a whole number or None, got 2.5"),
+        ({"torques": ["a.csv"]}, "torques[0] to be a path, got 'a.csv'"),
+    ],
+)  # fmt: skip
+def test_the_item_that_is_wrong_is_named(given: dict, said: str) -> None:
+    with refuses(SettingsError, f"settings: expected {said}; give another."):
+        monodyn.RunSettings(**given)
 
 
 def test_a_place_that_the_system_cannot_use_is_one_sentence() -> None:

@@ -16,6 +16,13 @@ Method = Literal["fast", "paper"]
 """What the method of a stage can be called; ``stages`` has the functions."""
 METHOD_NAMES: tuple[str, ...] = get_args(Method)
 
+BUNDLED_FILES = ("single", "double", "triple", "bob", "cartpole")
+BUNDLED = (*BUNDLED_FILES, "chain:N")
+"""Names that ``load`` takes; N is the number of links of a chain, 1 to 10."""
+
+AUTO = "auto"
+"""What stands for the one of them that the evidence prefers."""
+
 MOST_DRAWN = 100
 """Models that may be drawn from what the data allow."""
 
@@ -48,6 +55,15 @@ class Tolerance:
         return self.angle if joint == "hinge" else self.length
 
 
+def is_bundled(source: object) -> bool:
+    """Return whether a mechanism is named that comes with the package, or any, whatever file has the name.
+
+    Args:
+        source: What was given as a mechanism; a path is none of these names.
+    """
+    return isinstance(source, str) and (source in (*BUNDLED_FILES, AUTO) or source.startswith("chain:"))
+
+
 def check_whole(name: str, value: object, most: int | None = None) -> None:
     """Refuse what is no count, nor a seed.
 
@@ -59,7 +75,7 @@ def check_whole(name: str, value: object, most: int | None = None) -> None:
     Raises:
         SettingsError: ``value`` is no whole number, less than 0, or too large.
     """
-    if not isinstance(value, Integral) or value < 0 or (most is not None and value > most):
+    if not isinstance(value, Integral) or int(value) < 0 or (most is not None and int(value) > most):
         expected = "0 or more" if most is None else f"0 to {most}"
         raise SettingsError(f"{name}: expected {expected}, got {value}; give a whole number.")
 

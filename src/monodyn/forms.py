@@ -13,12 +13,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass
 from pathlib import Path
 from types import NoneType
-from typing import Any, Literal, TypeVar, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 from monodyn.choices import Tolerance, check_choice
 from monodyn.errors import SettingsError
 
-Value = TypeVar("Value")
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 """A number without a sign, as a regular expression."""
 
@@ -29,146 +28,86 @@ class Notation:
 
     Attributes:
         metavar: What the help shows for the words; empty for a flag, which has none.
-        read: From the option's name and its word, or words, to the value; raises a ``SettingsError``.
+        said: What is expected, for a message; ``{}`` stands for the metavar.
+        reader: From a word to the value, of ``many`` from the list of them, of ``named`` from the word of one
+            name; raises a ``ValueError`` for what is none.
         write: From the value to a text, a number, a list or a table of these, as a settings file has it.
+        example: A word as it may be, for a message; empty where ``said`` is plain enough.
         many: Whether there may be several words.
         named: Whether each of them is ``NAME=...``.
+        commas: Whether several may stand together on the command line, with commas between them.
     """
 
     metavar: str
-    read: Callable[[str, Any], Any]
+    said: str
+    reader: Callable[[Any], Any]
     write: Callable[[Any], Any]
+    example: str = ""
     many: bool = False
     named: bool = False
+    commas: bool = False
 
+    def items(self, option: str, given: Sequence[str]) -> Any:
+        """Return what the words of a command line give: a word, a list of them, or a table of them by name.
 
-def frame_range(option: str, text: str) -> tuple[int, int | None]:
-    """Return the range ``A:B``, where either end may be left out.
+        Args:
+            option: Name of the option, for the message.
+            given: The words.
 
-    Args:
-        option: Name of the option, for the message.
-        text: What the user wrote.
+        Raises:
+            SettingsError: a word has no name, or a name comes twice.
+        """
+        if not self.many:
+            return given[-1]
+        parts = apart(given) if self.commas else list(given)
+        if not self.named:
+            return parts
+        found: dict[str, str] = {}
+        for part in parts:
+            name, _, text = part.partition("=")
+            if not (name and text):
+                raise self._refusal(option, part)
+            if name in found:
+                raise SettingsError(
+                    f"{option}: expected each name once, got '{name}' twice; keep one of them."
+                )
+            found[name] = text
+        return found
 
-    Raises:
-        SettingsError: it is not two whole numbers with a colon between them.
-    """
-    match = re.fullmatch(r"(\d*):(\d*)", text.strip())
-    if not match:
-        raise SettingsError(f"{option}: expected A:B with whole frame numbers, got '{text}'; e.g. 0:120.")
-    return int(match[1] or 0), int(match[2]) if match[2] else None
+    def read(self, option: str, items: Any) -> Any:
+        """Return the value that words stand for.
 
+        Args:
+            option: Name of the option, for the message.
+            items: A word, a list of words or a table of words by name, as ``items`` returns them.
 
-def time_range(option: str, text: str) -> tuple[float, float | None]:
-    """Return the range of seconds ``A:B``, where either end may be left out.
+        Raises:
+            SettingsError: they stand for no value of the type.
+        """
+        if self.named:
+            return {name: self._value(option, word, f"{name}={word}") for name, word in items.items()}
+        return self._value(option, items, ",".join(items) if self.many else items)
 
-    Args:
-        option: Name of the option, for the message.
-        text: What the user wrote.
+    def _value(self, option: str, items: Any, shown: str) -> Any:
+        try:
+            return self.reader(items)
+        except (ValueError, KeyError):
+            raise self._refusal(option, shown) from None
 
-    Raises:
-        SettingsError: it is not two numbers with a colon between them.
-    """
-    match = re.fullmatch(rf"({NUMBER})?:({NUMBER})?", text.strip())
-    if not match:
-        raise SettingsError(f"{option}: expected A:B in seconds, got '{text}'; e.g. 1.3:6.")
-    return float(match[1] or 0.0), float(match[2]) if match[2] else None
-
-
-def rectangle(option: str, text: str) -> tuple[int, int, int, int]:
-    """Return the rectangle ``X,Y,W,H``.
-
-    Args:
-        option: Name of the option, for the message.
-        text: What the user wrote.
-
-    Raises:
-        SettingsError: it is not four whole numbers with commas between them.
-    """
-    match = re.fullmatch(r"(\d+),(\d+),(\d+),(\d+)", text.replace(" ", ""))
-    if not match:
-        raise SettingsError(
-            f"{option}: expected X,Y,W,H with whole numbers of pixels, got '{text}'; e.g. 120,0,480,360."
+    def _refusal(self, option: str, shown: str) -> SettingsError:
+        said = self.said.format(self.metavar.removesuffix(" ..."))
+        return SettingsError(
+            f"{option}: expected {said}, got '{shown}'{f'; e.g. {self.example}' if self.example else ''}."
         )
-    left, top, width, height = (int(word) for word in match.groups())
-    return left, top, width, height
 
 
-def sides(option: str, text: str) -> tuple[int, int]:
-    """Return the sides ``W,H``.
+@dataclass(frozen=True)
+class _Choice(Notation):
+    """How one of several words is written."""
 
-    Args:
-        option: Name of the option, for the message.
-        text: What the user wrote.
-
-    Raises:
-        SettingsError: it is not two whole numbers with a comma between them.
-    """
-    match = re.fullmatch(r"(\d+),(\d+)", text.replace(" ", ""))
-    if not match:
-        raise SettingsError(
-            f"{option}: expected W,H with whole numbers of pixels, got '{text}'; e.g. 1280,720."
-        )
-    return int(match[1]), int(match[2])
-
-
-def numbers(option: str, text: str) -> tuple[float, ...]:
-    """Return numbers with commas between them.
-
-    Args:
-        option: Name of the option, for the message.
-        text: What the user wrote.
-
-    Raises:
-        SettingsError: a word is no number.
-    """
-    try:
-        return tuple(float(word) for word in text.split(","))
-    except ValueError:
-        raise SettingsError(
-            f"{option}: expected numbers with commas between them, got '{text}'; e.g. -0.28,0.09,0,0."
-        ) from None
-
-
-def three(option: str, given: Sequence[str]) -> tuple[float, float, float]:
-    """Return three numbers with blanks or commas between them.
-
-    Args:
-        option: Name of the option, for the message.
-        given: What the user wrote.
-
-    Raises:
-        SettingsError: a word is no number, or there are more or fewer.
-    """
-    found = numbers(option, ",".join(given))
-    if len(found) != 3:
-        raise SettingsError(f"{option}: expected three numbers, got {len(found)}; e.g. 0.4,0.1,0.05.")
-    return found[0], found[1], found[2]
-
-
-UNITS = {"deg": math.pi / 180.0, "rad": 1.0}, {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
-"""What is an angle and what is a length, by unit."""
-
-
-def tolerance(option: str, text: str) -> Tolerance:
-    """Return the tolerances that ``5deg``, ``2cm`` or both with a comma between them give.
-
-    Args:
-        option: Name of the option, for the message.
-        text: What the user wrote.
-
-    Raises:
-        SettingsError: it is not an angle, a length or both.
-    """
-    found: dict[str, float] = {}
-    for word in text.split(","):
-        match = re.fullmatch(rf"({NUMBER})(deg|rad|mm|cm|m)", word.strip())
-        name, units = ("angle", UNITS[0]) if match and match[2] in UNITS[0] else ("length", UNITS[1])
-        if not match or name in found or not float(match[1]) > 0.0:
-            raise SettingsError(
-                f"{option}: expected an angle, a length or both, above 0, got '{text}'; e.g. 5deg,2cm."
-            )
-        found[name] = float(match[1]) * units[match[2]]
-    return Tolerance(**found)
+    def read(self, option: str, items: Any) -> Any:
+        check_choice(option, items, self.metavar.split("|"))
+        return items
 
 
 def apart(given: Sequence[str]) -> list[str]:
@@ -180,132 +119,92 @@ def apart(given: Sequence[str]) -> list[str]:
     return [part for word in given for part in [one for one in word.split(",") if one] or [word]]
 
 
-def words(option: str, given: Sequence[str]) -> dict[str, str]:
-    """Return the words by name that ``NAME=WORD`` words give.
-
-    Args:
-        option: Name of the option, for the message.
-        given: What the user wrote.
-
-    Raises:
-        SettingsError: a word is not a name and a word, or a name comes twice.
-    """
-    found: dict[str, str] = {}
-    for word, name, text in _assigned(option, given):
-        if not name or not text:
-            raise SettingsError(f"{option}: expected NAME=TARGET, got '{word}'; e.g. knee=joint2.")
-        found[name] = text
-    return found
+def _matched(pattern: str, text: str) -> re.Match[str]:
+    """Return the match of the whole text."""
+    if not (match := re.fullmatch(pattern, text)):
+        raise ValueError(text)
+    return match
 
 
-def values(option: str, given: Sequence[str]) -> dict[str, float]:
-    """Return the values by name that ``NAME=VALUE`` words give.
-
-    Args:
-        option: Name of the option, for the message.
-        given: What the user wrote.
-
-    Raises:
-        SettingsError: a word is not a name and a number, or a name comes twice.
-    """
-    said = "NAME=VALUE with a number", "gravity=9.81"
-    return _read_each(option, given, float, said)
+def _frames(text: str) -> tuple[int, int | None]:
+    """Return the range ``A:B``, where either end may be left out."""
+    match = _matched(r"(\d*):(\d*)", text.strip())
+    return int(match[1] or 0), int(match[2]) if match[2] else None
 
 
-def intervals(option: str, given: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Return the intervals by name that ``NAME=LOW:HIGH`` words give.
-
-    Args:
-        option: Name of the option, for the message.
-        given: What the user wrote.
-
-    Raises:
-        SettingsError: a word is not a name and two numbers, or a name comes twice.
-    """
-    said = "NAME=LOW:HIGH with two numbers", "link1.length=0.1:0.3"
-    return _read_each(option, given, _interval, said)
-
-
-def names(option: str, given: Sequence[str]) -> tuple[str, ...]:
-    """Return names in order, with blanks or commas between them.
-
-    Args:
-        option: Name of the option.
-        given: What the user wrote.
-    """
-    return tuple(apart(given))
-
-
-def paths(option: str, given: Sequence[str]) -> tuple[Path, ...]:
-    """Return files in order; a comma is part of a name.
-
-    Args:
-        option: Name of the option.
-        given: What the user wrote.
-    """
-    return tuple(Path(name) for name in given)
+def _seconds(text: str) -> tuple[float, float | None]:
+    """Return the range of seconds ``A:B``, where either end may be left out."""
+    begin, end = _ends(text)
+    return float(begin or 0.0), float(end) if end else None
 
 
 def _interval(text: str) -> tuple[float, float]:
-    low, _, high = text.partition(":")
+    """Return the interval ``LOW:HIGH``."""
+    low, high = _ends(text)
     return float(low), float(high)
 
 
-def _read_each(
-    option: str, given: Sequence[str], read: Callable[[str], Value], said: tuple[str, str]
-) -> dict[str, Value]:
-    """Return what is read to the right of each ``=``, by the name to its left; ``said`` is what is expected,
-    and an example."""
-    found: dict[str, Value] = {}
-    for word, name, text in _assigned(option, given):
-        try:
-            found[name] = read(text)
-        except ValueError:
-            raise SettingsError(f"{option}: expected {said[0]}, got '{word}'; e.g. {said[1]}.") from None
+def _ends(text: str) -> list[str]:
+    """Return what is left and right of the colon."""
+    ends = text.strip().split(":")
+    if len(ends) != 2:
+        raise ValueError(text)
+    return ends
+
+
+def _pixels(count: int) -> Callable[[str], tuple[int, ...]]:
+    """Return what reads so many whole numbers of pixels with commas between them."""
+
+    def read(text: str) -> tuple[int, ...]:
+        match = _matched(",".join([r"(\d+)"] * count), text.replace(" ", ""))
+        return tuple(int(word) for word in match.groups())
+
+    return read
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    """Return numbers with commas between them."""
+    return tuple(float(word) for word in text.split(","))
+
+
+def _three(given: Sequence[str]) -> tuple[float, ...]:
+    """Return three numbers with blanks or commas between them."""
+    found = _numbers(",".join(given))
+    if len(found) != 3:
+        raise ValueError(given)
     return found
 
 
-def _assigned(option: str, given: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Return each word with what is left and right of its ``=``; a name may come once."""
-    parts = []
-    for word in apart(given):
-        name, _, text = word.partition("=")
-        if any(name == other for _, other, _ in parts):
-            raise SettingsError(f"{option}: expected each name once, got '{name}' twice; keep one of them.")
-        parts.append((word, name, text))
-    return parts
+UNITS = {"deg": math.pi / 180.0, "rad": 1.0}, {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+"""What is an angle and what is a length, by unit."""
 
 
-def _one(kind: Callable[[str], Any], said: str) -> Callable[[str, str], Any]:
-    """Return what reads a word as a value of a simple type."""
-
-    def read(option: str, text: str) -> Any:
-        try:
-            return kind(text)
-        except (ValueError, KeyError):
-            raise SettingsError(f"{option}: expected {said}, got '{text}'.") from None
-
-    return read
-
-
-def _chosen(choices: tuple[str, ...]) -> Callable[[str, str], str]:
-    """Return what reads a word that is one of several."""
-
-    def read(option: str, text: str) -> str:
-        check_choice(option, text, choices)
-        return text
-
-    return read
+def _tolerance(text: str) -> Tolerance:
+    """Return the tolerances that ``5deg``, ``2cm`` or both with a comma between them give."""
+    found: dict[str, float] = {}
+    for word in text.split(","):
+        match = _matched(rf"({NUMBER})(deg|rad|mm|cm|m)", word.strip())
+        name, units = ("angle", UNITS[0]) if match[2] in UNITS[0] else ("length", UNITS[1])
+        if name in found or not float(match[1]) > 0.0:
+            raise ValueError(text)
+        found[name] = float(match[1]) * units[match[2]]
+    return Tolerance(**found)
 
 
-def _range(ends: tuple[float, float | None]) -> str:
-    """Write a range whose end may be open."""
-    return f"{ends[0]!r}:{'' if ends[1] is None else repr(ends[1])}"
+def _range(kind: type[int] | type[float]) -> Callable[[Sequence[Any]], str]:
+    """Return what writes a range, whose end may be open."""
+    # numbers of numpy count as numbers: each is written as Python's own
+    return lambda ends: f"{kind(ends[0])!r}:{'' if ends[1] is None else repr(kind(ends[1]))}"
 
 
-def _listed(several: Sequence[float]) -> str:
-    """Write numbers with commas between them."""
-    return ",".join(repr(float(number)) for number in several)
+def _listed(kind: type[int] | type[float]) -> Callable[[Sequence[Any]], str]:
+    """Return what writes numbers with commas between them."""
+    return lambda several: ",".join(repr(kind(number)) for number in several)
+
+
+def _named(write: Callable[[Any], Any]) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
+    """Return what writes values by name."""
+    return lambda given: {str(name): write(value) for name, value in given.items()}
 
 
 def _place(path: str | Path) -> str:
@@ -315,28 +214,46 @@ def _place(path: str | Path) -> str:
 
 # the key is the annotation of the field, without its None; a new setting of the same type needs nothing here
 NOTATIONS: dict[Any, Notation] = {
-    bool: Notation("", _one({"true": True, "false": False}.__getitem__, "true or false"), bool),
-    int: Notation("N", _one(int, "a whole number"), int),
-    float: Notation("NUMBER", _one(float, "a number"), float),
-    str: Notation("TEXT", _one(str, "a text"), str),
-    Path: Notation("FILE", _one(Path, "a file"), _place),
-    tuple[int, int | None]: Notation("A:B", frame_range, _range),
-    tuple[float, float | None]: Notation("A:B", time_range, _range),
-    tuple[int, int, int, int]: Notation("X,Y,W,H", rectangle, lambda box: ",".join(map(str, box))),
-    tuple[int, int]: Notation("W,H", sides, lambda size: ",".join(map(str, size))),
-    tuple[float, ...]: Notation("K1,K2,P1,P2[,K3]", numbers, _listed),
-    tuple[float, float, float]: Notation("A,B,C", three, _listed, many=True),
-    Tolerance: Notation("ANGLE,LENGTH", tolerance, lambda most: f"{most.angle!r}rad,{most.length!r}m"),
-    Mapping[str, str]: Notation("NAME=TARGET ...", words, dict, many=True, named=True),
+    bool: Notation("", "true or false", {"true": True, "false": False}.__getitem__, bool),
+    int: Notation("N", "a whole number", int, int),
+    float: Notation("NUMBER", "a number", float, float),
+    str: Notation("TEXT", "a text", str, str),
+    Path: Notation("FILE", "a file", Path, _place),
+    tuple[int, int | None]: Notation("A:B", "{} with whole frame numbers", _frames, _range(int), "0:120"),
+    tuple[float, float | None]: Notation("A:B", "{} in seconds", _seconds, _range(float), "1.3:6"),
+    tuple[int, int, int, int]: Notation(
+        "X,Y,W,H", "{} with whole numbers of pixels", _pixels(4), _listed(int), "120,0,480,360"
+    ),
+    tuple[int, int]: Notation("W,H", "{} with whole numbers of pixels", _pixels(2), _listed(int), "1280,720"),
+    tuple[float, ...]: Notation(
+        "K1,K2,P1,P2[,K3]", "numbers with commas between them", _numbers, _listed(float), "-0.28,0.09,0,0"
+    ),
+    tuple[float, float, float]: Notation(
+        "A,B,C", "three numbers", _three, _listed(float), "0.4,0.1,0.05", many=True
+    ),
+    Tolerance: Notation(
+        "ANGLE,LENGTH", "an angle, a length or both, above 0", _tolerance,
+        lambda most: f"{float(most.angle)!r}rad,{float(most.length)!r}m", "5deg,2cm",
+    ),
+    Mapping[str, str]: Notation(
+        "NAME=TARGET ...", "{}", str, _named(str), "knee=joint2", many=True, named=True, commas=True
+    ),
     Mapping[str, float]: Notation(
-        "NAME=VALUE ...", values, lambda given: {k: float(v) for k, v in given.items()}, many=True, named=True
+        "NAME=VALUE ...", "{} with a number", float, _named(float), "gravity=9.81", many=True, named=True,
+        commas=True,
     ),
     Mapping[str, tuple[float, float]]: Notation(
-        "NAME=LOW:HIGH ...", intervals, lambda given: {k: _range(v) for k, v in given.items()}, many=True,
-        named=True,
+        "NAME=LOW:HIGH ...", "{} with two numbers", _interval, _named(_range(float)), "link1.length=0.1:0.3",
+        many=True, named=True, commas=True,
     ),
-    Sequence[str]: Notation("NAME ...", names, list, many=True),
-    tuple[Path, ...]: Notation("FILE", paths, lambda files: [_place(file) for file in files], many=True),
+    Sequence[str]: Notation(
+        "NAME ...", "names", tuple, lambda names: [str(name) for name in names], many=True, commas=True
+    ),
+    # a comma is part of the name of a file
+    tuple[Path, ...]: Notation(
+        "FILE", "files", lambda names: tuple(map(Path, names)), lambda files: list(map(_place, files)),
+        many=True,
+    ),
 }  # fmt: skip
 """The notation of each type of setting."""
 
@@ -359,5 +276,5 @@ def notation(kind: Any) -> Notation:
     if kind not in NOTATIONS and NoneType in get_args(kind):
         (kind,) = (one for one in get_args(kind) if one is not NoneType)
     if get_origin(kind) is Literal:
-        return Notation("|".join(get_args(kind)), _chosen(get_args(kind)), str)
+        return _Choice("|".join(get_args(kind)), "one of {}", str, str)
     return NOTATIONS[kind]

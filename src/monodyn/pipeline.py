@@ -26,6 +26,7 @@ from monodyn.checks import (
     unshown,
     untracked,
 )
+from monodyn.choices import AUTO
 from monodyn.choose import candidates, choose, nearest
 from monodyn.doubtful import doubtful_sight, likely_sight, unshown_parts
 from monodyn.errors import VideoError
@@ -43,7 +44,6 @@ from monodyn.inputs import (
 )
 from monodyn.job import Job, Outcome, Tracked, shown_if_refused
 from monodyn.kept import kept_doubts
-from monodyn.mechanism.bundled import AUTO
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings, fit_document
@@ -54,7 +54,7 @@ from monodyn.results.opened import judged_before, known_before, origins
 from monodyn.results.report import write_results
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
-from monodyn.settings_file import settings_text
+from monodyn.settings_file import run_toml
 from monodyn.stages import identify, locate, segment, track_freely
 from monodyn.tabled import Tabled, best_fit, tabled
 from monodyn.turns import with_right_turns
@@ -105,8 +105,8 @@ def run(
     prediction_times(video.times, wanted[1], settings.until)
     torques = clip_torques(settings, mechanism, video.times, wanted)
     inputs = input_files(clip, model, settings)
-    again = settings_text("run", {"clip": clip, "model": model}, settings)
-    log = RunLog("run", inputs, settings, again)
+    written = run_toml("run", {"clip": clip, "model": model}, settings)
+    log = RunLog("run", inputs, settings, written)
     folder = RunFolder(out, force=force, inputs=(*inputs.values(), *origins(model), settings.background))
     sight = Sight(video, fit_frames=wanted, tracks=given if isinstance(given, PointTracks) else None)
     job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
@@ -234,8 +234,8 @@ def track_clip(
     models = candidates(settings) if str(model) == AUTO else {}
     video, given, mechanism = opened(clip, next(iter(models), model), settings)
     inputs = input_files(clip, model, settings)
-    again = settings_text("track", {"clip": clip, "model": model}, settings)
-    log = RunLog("track", inputs, settings, again)
+    written = run_toml("track", {"clip": clip, "model": model}, settings)
+    log = RunLog("track", inputs, settings, written)
     folder = RunFolder(out, force=force, inputs=(*inputs.values(), *origins(model), settings.background))
     sight = Sight(video, tracks=given if isinstance(given, PointTracks) else None)
     job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
@@ -295,8 +295,8 @@ def identify_tables(
     tried = [replace(one, rows=rows) for one in tried]
     measured = {f"poses {i + 1}": table for i, table in enumerate(tables)}
     inputs = {"model": model, **measured, **torque_files(settings)}
-    again = settings_text("identify", {"poses": tables, "model": model}, settings)
-    log = RunLog("identify", inputs, settings, again)
+    written = run_toml("identify", {"poses": tables, "model": model}, settings)
+    log = RunLog("identify", inputs, settings, written)
     spared = (*inputs.values(), *origins(model))
     folder = None if out is None else RunFolder(out, force=force, inputs=spared)
     job = Job(settings, log, folder, progress)

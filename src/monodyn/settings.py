@@ -193,6 +193,11 @@ class RunSettings:
             raise SettingsError(
                 f"ensemble: expected 0 to {MOST_DRAWN} models, got {self.ensemble}; give a number in between."
             )
+        if self.fit_frames is not None and min(end for end in self.fit_frames if end is not None) < 0:
+            ends = ":".join("" if end is None else str(end) for end in self.fit_frames)
+            raise SettingsError(
+                f"fit-frames: expected A:B with frames from 0 on, got {ends}; count from the first frame."
+            )
         # every range is checked here or in the class of the stage, before the first frame is decoded
         check_choice("method", self.method, METHOD_NAMES)
         check_choice("points.axis", self.points_axis, get_args(Axis))

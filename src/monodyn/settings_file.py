@@ -7,13 +7,11 @@ from dataclasses import fields
 from typing import Any, get_type_hints
 
 from monodyn.forms import notation, option_name
-from monodyn.results.again import document_text, given, written
+from monodyn.results.run_toml import document_toml, given, written
 from monodyn.settings import SHARED, STAGES, UNUSED, RunSettings
 
 
-def settings_text(
-    command: str, inputs: Mapping[str, object], settings: RunSettings, live: object = None
-) -> str:
+def run_toml(command: str, inputs: Mapping[str, object], settings: RunSettings, live: object = None) -> str:
     """Return the content of ``run.toml``.
 
     Args:
@@ -37,4 +35,4 @@ def settings_text(
             plain[option_name(setting)] = notation(hints[setting.name]).write(value)
     if live is not None:
         stages["live"] = written(live, SHARED)
-    return document_text(command, plain, stages)
+    return document_toml(command, plain, stages)

@@ -119,8 +119,9 @@ def check_types(where: str, values: Mapping[str, object], hints: Mapping[str, An
     """
     for name, value in values.items():
         if name in hints and not is_a(value, hints[name]):
+            what, wrong, hint = _blamed(name, value, hints[name])
             raise SettingsError(
-                f"{where}: expected {name} to be {_said(hints[name])}, got {kind_of(value)}; give another."
+                f"{where}: expected {what} to be {_said(hint)}, got {kind_of(wrong)}; give another."
             )
 
 
@@ -196,6 +197,33 @@ def _listed(value: Any) -> bool:
     return isinstance(value, Sequence | Set) or (hasattr(value, "__array__") and hasattr(value, "__len__"))
 
 
+def _blamed(name: str, value: Any, hint: Any) -> tuple[str, Any, Any]:
+    """Return what is of another type than stated, as a caller writes it, its value and what was stated.
+
+    That is an item where the value is what holds such items, else the value.
+    """
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        within = [_blamed(name, value, one) for one in inner]
+        return next((found for found in within if found[0] != name), (name, value, hint))
+    held: list[tuple[str, Any, Any]] = []
+    if inspect.isclass(origin) and issubclass(origin, Mapping) and isinstance(value, Mapping):
+        held = [(f"the keys of {name}", key, inner[0]) for key in value]
+        held += [(f"{name}[{key!r}]", item, inner[1]) for key, item in value.items()]
+    elif (
+        inspect.isclass(origin)
+        and issubclass(origin, Sequence)
+        and isinstance(value, Sequence)
+        and _listed(value)
+    ):
+        endless = origin is not tuple or inner[-1] is Ellipsis
+        kinds = [inner[0]] * len(value) if endless else inner
+        # where there are too many, or too few, it is no item that is wrong
+        held = [(f"{name}[{k}]", *each) for k, each in enumerate(zip(value, kinds, strict=False))]
+        held = held if len(kinds) == len(value) else []
+    return next((_blamed(*each) for each in held if not is_a(*each[1:])), (name, value, hint))
+
+
 def _said(hint: Any) -> str:
     """Write an annotation as a reader of the documentation knows it."""
     origin, inner = get_origin(hint), get_args(hint)
@@ -212,7 +240,8 @@ def _said(hint: Any) -> str:
         return "a function"
     named = getattr(hint if origin is None else origin, "__name__", str(hint))
     items = [_said(one) for one in inner if one is not Ellipsis]
-    return f"{named} of {' and '.join(dict.fromkeys(items))}" if items else named
+    count = f"{len(items)} items, " if origin is tuple and Ellipsis not in inner else ""
+    return f"{named} of {count}{' and '.join(dict.fromkeys(items))}" if items else named
 
 
 def kind_of(value: Any) -> str:
@@ -221,9 +250,9 @@ def kind_of(value: Any) -> str:
     Args:
         value: Anything.
     """
-    shown = isinstance(value, str | Real) and len(repr(value)) <= 40
-    if shown or value is None:
-        return f"{value!r}"
-    if type(value).__name__ == "ndarray":
+    if value is None or (isinstance(value, str | Real) and len(repr(value)) <= 40):
+        return repr(value)
+    if _is_array(value):
         return f"an array of shape {value.shape} and type {value.dtype}"
-    return f"a value of type {type(value).__name__}"
+    count = f" with {len(value)} items" if isinstance(value, tuple) else ""
+    return f"a value of type {type(value).__name__}{count}"

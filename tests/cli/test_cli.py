@@ -341,6 +341,7 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
         (["run", CLIP, "--model", MODEL, "--out", "o", "--fix", "link1.lenght=1"],
          "parameter 'link1.lenght' is not in the mechanism; did you mean 'link1.length' or 'link2.length'?"),
         (["trakc", CLIP], "expected a command, got 'trakc'; did you mean 'track'?"),
+        (["--versoin"], "expected a command, got '--versoin'; did you mean '--version'?"),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--fix", "gravity"],
          "fix: expected NAME=VALUE with a number, got 'gravity'; e.g. gravity=9.81."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--fit-frames", "ten"],

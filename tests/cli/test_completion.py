@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from monodyn.choices import AUTO, BUNDLED
 from monodyn.cli import main
 from monodyn.cli.completion import MODELS, completion, options_of
 from monodyn.cli.options import COMMANDS
 from monodyn.cli.parse import parsed
 from monodyn.errors import SettingsError
 from monodyn.mechanism import load
-from monodyn.mechanism.bundled import AUTO, BUNDLED
 from support import refuses
 
 ASK = {

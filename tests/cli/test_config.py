@@ -92,11 +92,48 @@ def test_the_method_of_the_command_line_is_that_of_every_stage(tmp_path: Path) -
     assert {found.camera.method, found.locate.method, found.identify.method} == {"paper"}
 
 
+def test_items_of_lists_and_tables_are_taken_as_they_are(tmp_path: Path) -> None:
+    path = written(
+        tmp_path,
+        """clip = "a.mp4"
+        out = "o"
+        points = "p.csv"
+        free = ["a,b", "c"]
+        torques = ["one, two.csv", "three.csv"]
+        fix = {"x,y" = 1, "k=v" = -2.5}
+        bounds = {"x,y" = "-1:2", "" = "0:1"}
+        points.map = {}
+        """.replace("points.map = {}", '"points.map" = {"a,b=c" = "d,e=f"}'),
+    )
+    found: RunSettings = parsed("run", ["--config", str(path)]).settings
+    assert found.free == ("a,b", "c")
+    assert found.torques == (tmp_path / "one, two.csv", tmp_path / "three.csv")
+    assert found.fix == {"x,y": 1.0, "k=v": -2.5}
+    assert found.bounds == {"x,y": (-1.0, 2.0), "": (0.0, 1.0)}
+    assert found.points_map == {"a,b=c": "d,e=f"}
+    # a text is written as on the command line
+    path.write_text('clip = "a.mp4"\nout = "o"\nfree = "a,b"')
+    assert parsed("run", ["--config", str(path)]).settings.free == ("a", "b")
+
+
+def test_editors_of_windows_write_settings_files_too(tmp_path: Path) -> None:
+    for mark, end in ((b"\xef\xbb\xbf", b"\r\n"), (b"\xef\xbb\xbf", b"\n"), (b"", b"\r\n")):
+        path = tmp_path / "own.toml"
+        path.write_bytes(
+            mark + end.join([b'clip = "a.mp4"', b"", b'out = "o"', b"[fix]", b"gravity = 9", b""])
+        )
+        found = parsed("run", ["--config", str(path)])
+        assert (found.clip, found.settings.fix) == (tmp_path / "a.mp4", {"gravity": 9.0})
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("fit-frmes = '0:9'", "monodyn run has no option 'fit-frmes'; did you mean 'fit-frames'?"),
         ("[track]\nreech = 4", "monodyn run has no option 'track.reech'; did you mean 'track.reach'?"),
+        ("fixx = {a = 1}", "monodyn run has no option 'fixx'; did you mean 'fix'?"),
+        ("[trak]\nreach = 4", "monodyn run has no option 'trak.reach'; did you mean 'track.reach'?"),
+        ("method = 'fsat'", "method: expected one of 'fast', 'paper', got 'fsat'; did you mean 'fast'?"),
         ("config = 'other.toml'", "monodyn run has no option 'config'; options: 'settings'."),
         ("track = 3", "monodyn run has no option 'track'; options: 'settings'."),
         ("until = 'x'", "until: expected a number, got 'x'."),
@@ -132,6 +169,12 @@ def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
     refused(
         "no.toml",
         "config 'no.toml': expected a settings file, got 'No such file or directory'; check the path.",
+    )
+    (tmp_path / "run.toml").touch()
+    refused(
+        tmp_path / "rnu.toml",
+        f"config '{tmp_path}/rnu.toml': expected a settings file, got 'No such file or directory'; did you "
+        f"mean '{tmp_path}/run.toml'?",
     )
     refused(tmp_path, f"config '{tmp_path}': expected a settings file, got 'Is a directory'; check the path.")
     path = written(tmp_path, "until = 'x'")

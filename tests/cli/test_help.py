@@ -54,6 +54,12 @@ def test_the_first_page_has_what_most_people_need_and_the_second_everything(name
 
 
 @pytest.mark.parametrize("name", COMMANDS)
+def test_the_first_page_has_ten_options_at_most(name: str) -> None:
+    rows = re.findall(r"^  (?:-h, )?--([\w.-]+)", page(name, "--help"), re.MULTILINE)
+    assert len(set(rows) - {"help", "help-all"}) <= 10
+
+
+@pytest.mark.parametrize("name", COMMANDS)
 def test_every_choice_is_explained(name: str) -> None:
     for option in listed(name):
         assert option.help.endswith("."), option.name

@@ -89,7 +89,7 @@ def test_what_is_missing_or_cannot_be_used_is_named():
         (("0", "--model", "single", "--live.size", "640x480"),
          "live.size: expected W,H with whole numbers of pixels, got '640x480'; e.g. 1280,720."),
         (("0", "--model", "single", "--points", "x.csv"), "live: expected known options, got --points, "
-         "x.csv; see monodyn live --help."),
+         "x.csv; --points belongs to monodyn run and track; leave it out."),
         (("0", "--model", "single", "--ndjson", "-", "--json"),
          "ndjson: expected a file next to --json, got the standard output, which that takes; name a file, or "
          "leave one of them out."),

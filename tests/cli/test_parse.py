@@ -45,6 +45,47 @@ def test_complaints_are_one_sentence(words: list[str], message: str) -> None:
         parsed("run", words)
 
 
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("identify a.csv --points.map a=b",
+         "identify: expected known options, got --points.map, a=b; --points.map belongs to monodyn run and "
+         "track; leave it out."),
+        ("track a.mp4 --out o --fit_frames 0:9",
+         "track: expected known options, got --fit_frames, 0:9; --fit-frames belongs to monodyn run and "
+         "identify; leave it out."),
+        ("predict run --form joint1=0.5",
+         "predict: expected known options, got --form, joint1=0.5; see monodyn predict --help. Did you mean "
+         "--from?"),
+        ("run a.mp4 --out o --method fsat",
+         "method: expected one of 'fast', 'paper', got 'fsat'; did you mean 'fast'?"),
+    ],
+)  # fmt: skip
+def test_what_was_meant_is_said(line: str, message: str) -> None:
+    command, *words = line.split()
+    with refuses(SettingsError, message):
+        parsed(command, words)
+
+
+@pytest.mark.parametrize(
+    ("option", "word", "end"),
+    [
+        ("predict --from", "joint1:0.5", "JOINT=POSITION with a number, got 'joint1:0.5'; e.g. joint1=0.5."),
+        ("predict --rates", "joint1", "JOINT=RATE with a number, got 'joint1'; e.g. joint1=-2."),
+        ("predict --fix", "gravity", "NAME=VALUE with a number, got 'gravity'; e.g. gravity=9.81."),
+        ("control --at", "x", "JOINT=POSITION with a number, got 'x'; e.g. joint1=1.5708."),
+        ("control --start", "x", "JOINT=POSITION with a number, got 'x'; e.g. joint1=0.5."),
+        ("control --limit", "x=y", "JOINT=TORQUE with a number, got 'x=y'; e.g. joint1=0.5."),
+        ("control --within", "x=1", "JOINT=LOW:HIGH with two numbers, got 'x=1'; e.g. slide=-0.3:0.3."),
+        ("control --allowed", "x", "NAME=VALUE with a number, got 'x'; e.g. effort=1."),
+    ],
+)
+def test_the_example_is_one_of_the_option(option: str, word: str, end: str) -> None:
+    command, name = option.split()
+    with refuses(SettingsError, f"{name.removeprefix('--')}: expected {end}"):
+        parsed(command, ["run", name, word])
+
+
 @pytest.mark.parametrize("name", ["--out", "--model", "--background"])
 def test_an_empty_name_is_not_the_current_folder(name: str) -> None:
     for words in ([name, ""], [f"{name}="]):

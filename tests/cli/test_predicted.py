@@ -66,7 +66,7 @@ def test_the_settings_file_of_a_prediction_does_it_again(run, tmp_path):
 def test_what_is_missing_is_named(run, tmp_path):
     for words, code, message in [
         (("--film",), 2, "monodyn: film: expected a folder for it, got none; name one with --out."),
-        (("--from", ""), 2, "monodyn: from: expected NAME=VALUE with a number, got ''; e.g. gravity=9.81."),
+        (("--from", ""), 2, "monodyn: from: expected JOINT=POSITION with a number, got ''; e.g. joint1=0.5."),
         (("--from", "joint1=0", "joint1=1"), 2, "monodyn: from: expected each name once, got 'joint1' twice; "
          "keep one of them."),
     ]:  # fmt: skip

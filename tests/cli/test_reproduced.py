@@ -17,20 +17,20 @@ from support import refuses
 
 def test_options() -> None:
     found = parsed("reproduce", ["--out", "page", "--clip", "a.mp4", "--model", "double", "--seed", "3"])
-    assert found == ReproduceOptions(Path("page"), Path("a.mp4"), "double", seed=3)
+    assert found == ReproduceOptions(out=Path("page"), clip=Path("a.mp4"), model="double", seed=3)
     found = parsed("reproduce", ["--out", "page", "--seeds", "5", "--truth", "t.json"])
-    assert found == ReproduceOptions(Path("page"), truth=Path("t.json"), seeds=5)
+    assert found == ReproduceOptions(out=Path("page"), truth=Path("t.json"), seeds=5)
     for seed in (-1, 2**64):
         with refuses(
             SettingsError, f"seed: expected 0 to 4294967295, got {seed}; give a whole number in between."
         ):
-            ReproduceOptions(Path("page"), seed=seed).go()
+            ReproduceOptions(out=Path("page"), seed=seed).go()
     with refuses(SettingsError, "seeds: expected 1 to 20, got 21; give another number."):
-        ReproduceOptions(Path("page"), seeds=21).go()
+        ReproduceOptions(out=Path("page"), seeds=21).go()
     with refuses(
         SettingsError, "seeds: expected none with --clip, which is one pendulum, got 2; leave it out."
     ):
-        ReproduceOptions(Path("page"), Path("a.mp4"), "double", seeds=2).go()
+        ReproduceOptions(out=Path("page"), clip=Path("a.mp4"), model="double", seeds=2).go()
 
 
 def test_the_tables_stand_in_columns_and_each_claim_has_its_verdicts(

@@ -28,8 +28,8 @@ from monodyn.reproduce.experiment import (
 from monodyn.reproduce.given import GivenClip, given_truth
 from monodyn.reproduce.plans import Design, plans
 from monodyn.reproduce.repetition import Trying
-from monodyn.results.again import FILE
 from monodyn.results.folder import RunFolder
+from monodyn.results.run_toml import RUN_TOML
 from monodyn.types import Camera
 from support import command, refuses
 
@@ -159,7 +159,7 @@ def test_the_page_says_what_the_clips_are(tmp_path: Path, monkeypatch: pytest.Mo
         "method. Figures show pendulum 0 where they do not name others; tables and verdicts all."
     ) in (tmp_path / "reproduce.html").read_text(encoding="utf-8")
     # the command has no options for such a clip
-    assert {path.name for path in tmp_path.iterdir()} == set(EXPERIMENT_FILES) - {FILE}
+    assert {path.name for path in tmp_path.iterdir()} == set(EXPERIMENT_FILES) - {RUN_TOML}
 
 
 def test_a_given_clip_is_tried_again_with_the_settings_file(
@@ -170,9 +170,9 @@ def test_a_given_clip_is_tried_again_with_the_settings_file(
     monkeypatch.setattr("monodyn.reproduce.experiment.csv_text", lambda found: "")
     words = ["reproduce", "--clip", str(clip), "--model", "double", "--seed", "3", "--quiet"]
     assert main([*words, "--out", str(tmp_path / "a")]) == 0
-    again = ["reproduce", "--config", str(tmp_path / "a" / FILE), "--quiet", "--out", str(tmp_path / "b")]
+    again = ["reproduce", "--config", str(tmp_path / "a" / RUN_TOML), "--quiet", "--out", str(tmp_path / "b")]
     assert main(again) == 0
-    texts = [(tmp_path / name / FILE).read_text(encoding="utf-8") for name in "ab"]
+    texts = [(tmp_path / name / RUN_TOML).read_text(encoding="utf-8") for name in "ab"]
     assert texts[0] == texts[1]
     assert "seed = 3" in texts[0]
 
@@ -182,7 +182,7 @@ def test_the_experiment_runs_from_the_clips_to_the_page(tmp_path: Path) -> None:
     design = Design(ahead=20, lengths=(20, 30, 40), periods=(40,), starts=2)
     settings = ReproduceSettings(ClipSettings(frames=90), design, seeds=2, processes=2)
     made = reproduce(tmp_path, settings)
-    assert {path.name for path in tmp_path.iterdir()} == set(EXPERIMENT_FILES) - {FILE}
+    assert {path.name for path in tmp_path.iterdir()} == set(EXPERIMENT_FILES) - {RUN_TOML}
     for own in made.repetitions:
         for method, found in own.evidence.items():
             one_way = replace(design, both_ways=False) if own is not made.repetitions[0] else design

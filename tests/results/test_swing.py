@@ -83,8 +83,12 @@ def test_limits_room_time_and_start_are_kept() -> None:
 def test_bad_input_is_refused() -> None:
     _, fit = identified("cartpole")
     regulator = regulated("cartpole")
-    with refuses(SettingsError, "limit: expected torques above 0 of slide, got joint1=1."):
+    with refuses(SettingsError, "limit: joint 'joint1' has no motor; motors: 'slide'."):
         swing_up(fit, regulator, limit={"joint1": 1.0})
+    with refuses(SettingsError, "limit: joint 'sldie' has no motor; did you mean 'slide'?"):
+        swing_up(fit, regulator, limit={"sldie": 1.0})
+    with refuses(SettingsError, "limit: expected a torque above 0, got slide=-1; give a larger one."):
+        swing_up(fit, regulator, limit={"slide": -1.0})
     with refuses(SettingsError, "within: joint 'elbow' is not in the mechanism; joints: 'slide', 'joint1'."):
         swing_up(fit, regulator, within={"elbow": (0.0, 1.0)})
 

@@ -143,10 +143,11 @@ def _dispatch(words: list[str]) -> int:
         _fail(note)
     from monodyn.cli.options import COMMANDS, CompletionOptions
     from monodyn.cli.parse import parsed
-    from monodyn.names import known
+    from monodyn.names import meant, near, quoted
 
     if words[0] not in COMMANDS:
-        _fail(f"expected a command, got '{words[0]}'; {known('commands', list(COMMANDS), words[0])}")
+        asked = meant(near([*COMMANDS, "--help", "--version"], words[0]))
+        _fail(f"expected a command, got '{words[0]}'; {asked or f'commands: {quoted(list(COMMANDS))}.'}")
         return 2
     options: Any = 0
     with printing():

@@ -8,13 +8,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, get_args, get_origin
 
+from monodyn.choices import AUTO, BUNDLED_FILES
 from monodyn.cli.options import COMMANDS, Shell
 from monodyn.cli.table import CONFIG, listed
 
 Choices = tuple[str, ...] | None
 """Words that an option takes, () where it takes any; None for a flag."""
 
-MODELS = ("auto", "single", "double", "triple", "bob", "cartpole", "chain:3")
+MODELS = (AUTO, *BUNDLED_FILES, "chain:3")
 """Bundled mechanisms, which ``--model`` takes besides files."""
 
 BASH = r"""# monodyn for bash: eval "$(monodyn completion bash)"

@@ -1,4 +1,4 @@
-"""A settings file into the words of a command line: TOML with the names and values of options.
+"""A settings file into what a command line would give: TOML with the names and values of options.
 
 What the option ``--track.reach 5`` says is ``reach = 5`` in the table ``[track]``, or ``track.reach = 5``.
 """
@@ -10,17 +10,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from monodyn.cli.options import COMMANDS
-from monodyn.cli.table import Option, listed
+from monodyn.cli.table import Option, owners
 from monodyn.errors import SettingsError
-from monodyn.forms import notation
-from monodyn.names import known
+from monodyn.names import known, meant, near, near_files
+from monodyn.results.run_toml import is_no_file
 
 
-def read_config(file: str | Path, command: str, options: Sequence[Option]) -> dict[str, list[str]]:
-    """Return the words of each option that a settings file gives.
+def read_config(file: str | Path, command: str, options: Sequence[Option]) -> dict[str, Any]:
+    """Return what a settings file gives, by the names of options, as ``Notation.items`` does of words.
 
-    Relative paths start at the folder of the file.
+    Relative paths start at the folder of the file. Items of lists and tables are taken as they are: a comma,
+    or an equals sign, is part of a name there.
 
     Args:
         file: The settings file.
@@ -33,93 +33,87 @@ def read_config(file: str | Path, command: str, options: Sequence[Option]) -> di
     """
     path = Path(file)
     by_name = {option.name: option for option in options}
-    found: dict[str, list[str]] = {}
+    found: dict[str, Any] = {}
     for key, value in _entries(_document(path), by_name):
         name = key.replace("_", "-")
         if name not in by_name:
-            raise SettingsError(
-                f"config '{path}': monodyn {command} has no option '{key}'; {_meant(name, by_name)}"
-            )
+            belongs = owners(name)
+            end = f"it {belongs}" if belongs else known("options", list(by_name), name)
+            raise SettingsError(f"config '{path}': monodyn {command} has no option '{key}'; {end}")
         if name in found:
             raise SettingsError(f"config '{path}': expected one '{name}', got two; leave one out.")
         option = by_name[name]
-        words = _words(f"config '{path}': {name}", option, value)
         try:
-            option.form.read(name, words if option.several else words[-1])
+            items = _items(option, value)
+            option.form.read(name, items)
         except SettingsError as error:
             raise SettingsError(f"config '{path}': {error}") from None
-        found[name] = [_placed(option, word, path) for word in words]
+        found[name] = _placed(option, items, path)
     return found
 
 
 def _document(path: Path) -> dict[str, Any]:
     """Return what is in a TOML file."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        # some editors begin a text with a mark of its encoding, and end lines as Windows does
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
+        end = "" if path.exists() else meant(near_files(path))
         raise SettingsError(
-            f"config '{path}': expected a settings file, got '{error.strerror}'; check the path."
+            f"config '{path}': expected a settings file, got '{error.strerror}'; {end or 'check the path.'}"
         ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         why = str(error) if isinstance(error, tomllib.TOMLDecodeError) else "no UTF-8 text"
         raise SettingsError(f"config '{path}': expected TOML, got an error: {why}; correct it.") from None
 
 
-def _meant(name: str, options: Mapping[str, Option]) -> str:
-    """Return to which command an option belongs, or which name may have been meant."""
-    others = [one for one in COMMANDS if name in {option.name for option in listed(one)}]
-    if others:
-        return f"it belongs to monodyn {' and '.join(others[:2])}; leave it out."
-    return known("options", list(options), name)
-
-
 def _entries(
     table: Mapping[str, Any], options: Mapping[str, Option], group: str = ""
 ) -> Iterator[tuple[str, Any]]:
     """Yield what a file gives by the names of options; a table is a stage, or NAME = VALUE of one option."""
+    tables = [name for name, option in options.items() if option.form.named]
+    stages = {name.partition(".")[0] for name in options if "." in name}
     for key, value in table.items():
         name = f"{group}{key}"
-        option = options.get(name.replace("_", "-"))
-        if isinstance(value, dict) and not (option and option.form.named):
+        written = name.replace("_", "-")
+        # a table of another name is whatever its name is nearer to
+        one = written in tables or (written not in stages and near(tables, written))
+        if isinstance(value, dict) and not one:
             yield from _entries(value, options, f"{name}.")
         else:
             yield name, value
 
 
-def _words(where: str, option: Option, value: Any) -> list[str]:
-    """Return the words of a command line that a value of a file stands for."""
+def _items(option: Option, value: Any) -> Any:
+    """Return a value of a file as ``Notation.items`` returns words: a word, a list or a table of words."""
     if option.form.named:
         if not isinstance(value, dict):
             raise SettingsError(
-                f"{where}: expected a table of NAME = VALUE, got {value!r}; e.g. [{option.name}]."
+                f"{option.name}: expected a table of NAME = VALUE, got {value!r}; e.g. [{option.name}]."
             )
-        return [f"{name}={_word(where, one)}" for name, one in value.items()]
-    if isinstance(value, list) and option.several:
-        return [_word(where, one) for one in value]
-    return [_word(where, value)]
+        return {name: _word(option, one) for name, one in value.items()}
+    if isinstance(value, list) and option.form.many:
+        return [_word(option, one) for one in value]
+    return option.form.items(option.name, [_word(option, value)])
 
 
-def _word(where: str, value: Any) -> str:
+def _word(option: Option, value: Any) -> str:
     """Return a text, a number or a truth of a file as a word."""
     if isinstance(value, bool):
         return str(value).lower()
     if not isinstance(value, (str, int, float)):
         raise SettingsError(
-            f"{where}: expected a text or a number, got {value!r}; write it as on the command line."
+            f"{option.name}: expected a text or a number, got {value!r}; write it as on the command line."
         )
     return str(value)
 
 
-def _placed(option: Option, word: str, path: Path) -> str:
-    """Return the name of a file as it is found from here; any other word as it is."""
+def _placed(option: Option, items: Any, path: Path) -> Any:
+    """Return the names of files as they are found from here; anything else as it is."""
     if not option.file:
-        return word
-    if not word:
+        return items
+    if isinstance(items, list):
+        return [_placed(option, one, path) for one in items]
+    if not items:
         raise SettingsError(f"config '{path}': {option.name}: expected a name, got an empty one; give one.")
-    # a text may stand for something else than a file
-    if option.form is notation(str):
-        from monodyn.results.again import is_no_file
-
-        if is_no_file(word):
-            return word
-    return str(path.parent / Path(word).expanduser())
+    return items if is_no_file(option.name, items) else str(path.parent / Path(items).expanduser())

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from monodyn.cli.shared import ResultOptions
 
 if TYPE_CHECKING:
     from monodyn.results.controlled import Controlled
     from monodyn.results.regulator import Allowed
 
 
-@dataclass(frozen=True)
-class ControlOptions:
+@dataclass(frozen=True, kw_only=True)
+class ControlOptions(ResultOptions):
     """Design a controller for the mechanism of a run, and simulate it in MuJoCo (needs monodyn[control]).
 
     Attributes:
@@ -37,30 +38,30 @@ class ControlOptions:
         draws: Mechanisms drawn from the covariance of the parameters, all of which the gains should hold.
         seed: Seed of the draws.
         film: Write control.mp4, too.
-        force: Replace a controller that is already in DIR.
-        quiet: Show no progress and print nothing.
-        json: Print the result as JSON, in place of tables.
     """
 
     run: Path = field(metadata={"metavar": "RUN", "word": True})
-    at: Mapping[str, float] = field(default_factory=dict, metadata={"metavar": "JOINT=POSITION ..."})
+    at: Mapping[str, float] = field(
+        default_factory=dict, metadata={"metavar": "JOINT=POSITION ...", "example": "joint1=1.5708"}
+    )
     actuated: Sequence[str] = field(default=(), metadata={"metavar": "JOINT"})
     out: Path | None = field(default=None, metadata={"metavar": "DIR"})
     swing: bool = False
-    start: Mapping[str, float] = field(default_factory=dict, metadata={"metavar": "JOINT=POSITION ..."})
-    limit: Mapping[str, float] = field(default_factory=dict, metadata={"metavar": "JOINT=TORQUE ..."})
+    start: Mapping[str, float] = field(
+        default_factory=dict, metadata={"metavar": "JOINT=POSITION ...", "example": "joint1=0.5"}
+    )
+    limit: Mapping[str, float] = field(
+        default_factory=dict, metadata={"metavar": "JOINT=TORQUE ...", "example": "joint1=0.5"}
+    )
     within: Mapping[str, tuple[float, float]] = field(
-        default_factory=dict, metadata={"metavar": "JOINT=LOW:HIGH ..."}
+        default_factory=dict, metadata={"metavar": "JOINT=LOW:HIGH ...", "example": "slide=-0.3:0.3"}
     )
     seconds: float | None = field(default=None, metadata={"metavar": "S"})
     rate: float = field(default=200.0, metadata={"metavar": "HZ"})
-    allowed: Mapping[str, float] = field(default_factory=dict)
+    allowed: Mapping[str, float] = field(default_factory=dict, metadata={"example": "effort=1"})
     draws: int = 50
     seed: int = 0
     film: bool = True
-    force: bool = False
-    quiet: bool = False
-    json: bool = False
 
     def go(self) -> int:
         """Return the exit code after running the command.
@@ -68,7 +69,7 @@ class ControlOptions:
         Raises:
             SettingsError: a weight of another name.
         """
-        from monodyn.cli.show import progress_on, show_result
+        from monodyn.cli.show import show_result
         from monodyn.results.controlled import Aim, control_run
 
         aim = Aim(
@@ -84,7 +85,7 @@ class ControlOptions:
             draws=self.draws,
             seed=self.seed,
         )
-        with progress_on(sys.stderr, quiet=self.quiet) as progress:
+        with self.progress() as progress:
             found = control_run(self.run, self.out, aim, film=self.film, force=self.force, progress=progress)
         return show_result(
             found.document, found.folder, None if found.ok else found.status,

@@ -4,12 +4,13 @@ are installed with it."""
 
 from __future__ import annotations
 
-import sys
 import tempfile
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from monodyn.cli.shared import QuietOptions, ResultOptions
 
 if TYPE_CHECKING:
     from monodyn.types import Progress
@@ -19,48 +20,34 @@ CLIP = Path(__file__).parent / "clip" / "double.mp4"
 MODEL = CLIP.with_suffix(".xml")
 
 
-@dataclass(frozen=True)
-class DemoOptions:
+@dataclass(frozen=True, kw_only=True)
+class DemoOptions(ResultOptions):
     """Run the clip of a double pendulum that is installed with the program, as ``monodyn run`` does.
 
     Attributes:
         out: Folder for the results.
-        force: Replace a run that is already in DIR.
-        quiet: Show no progress and print nothing.
-        json: Print the result as JSON, in place of tables.
     """
 
     out: Path = field(default=Path("demo-run"), metadata={"metavar": "DIR"})
-    force: bool = False
-    quiet: bool = False
-    json: bool = False
 
     def go(self) -> int:
         """Return the exit code after running the command."""
         from monodyn import pipeline
-        from monodyn.cli.show import progress_on, show
+        from monodyn.cli.show import show
 
-        with progress_on(sys.stderr, quiet=self.quiet) as progress:
+        with self.progress() as progress:
             outcome = pipeline.run(CLIP, MODEL, self.out, force=self.force, progress=progress)
         return show(outcome, as_json=self.json, quiet=self.quiet)
 
 
-@dataclass(frozen=True)
-class WarmOptions:
-    """Compile what ordinary runs and streams need, once after installing; what is compiled is only loaded.
-
-    Attributes:
-        quiet: Show no progress and print nothing.
-    """
-
-    quiet: bool = False
+@dataclass(frozen=True, kw_only=True)
+class WarmOptions(QuietOptions):
+    """Compile what ordinary runs and streams need, once after installing; what is compiled is only loaded."""
 
     def go(self) -> int:
         """Return the exit code after running the command."""
-        from monodyn.cli.show import progress_on
-
         began = time.perf_counter()
-        with progress_on(sys.stderr, quiet=self.quiet) as progress:
+        with self.progress() as progress:
             warm(progress)
         if not self.quiet:
             print(

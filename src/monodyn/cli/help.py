@@ -50,7 +50,7 @@ def _usage(command: str, options: Sequence[Option]) -> list[str]:
     for option in options:
         needed = option.usual is MISSING
         if option.word:
-            parts.append(option.metavar if needed or option.several else f"[{option.metavar}]")
+            parts.append(option.metavar if needed or option.form.many else f"[{option.metavar}]")
     parts += [f"{o.flag} {o.metavar}" for o in options if o.usual is MISSING and not o.word]
     return command_line(" ".join(["Usage: monodyn", command, *parts, "[OPTIONS]"]))
 

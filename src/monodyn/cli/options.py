@@ -5,9 +5,6 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -16,6 +13,7 @@ from monodyn.cli.controlled import ControlOptions
 from monodyn.cli.demo import DemoOptions, ModelsOptions, WarmOptions
 from monodyn.cli.predicted import PredictOptions
 from monodyn.cli.reproduced import ReproduceOptions
+from monodyn.cli.shared import ResultOptions
 from monodyn.errors import SettingsError
 from monodyn.live.settings import LiveSettings
 from monodyn.numbers import is_whole
@@ -23,7 +21,6 @@ from monodyn.settings import RunSettings
 
 if TYPE_CHECKING:
     from monodyn.pipeline import Outcome
-    from monodyn.types import Progress
 
 CLIP: Any = {"metavar": "CLIP", "word": True}
 FOLDER: Any = {"metavar": "DIR"}
@@ -34,31 +31,17 @@ TAKEN: Any = {"hidden": True}
 
 
 @dataclass(frozen=True, kw_only=True)
-class CommonOptions:
+class CommonOptions(ResultOptions):
     """What every command that takes settings has in common.
 
     Attributes:
         settings: The settings of the run.
         model: Mechanism file (MJCF, URDF), bundled name (see monodyn models), or folder of a run that goes on
             with its mechanism; ``auto`` tries the bundled ones and takes the one that the evidence prefers.
-        force: Replace a run that is already in DIR.
-        quiet: Show no progress and print nothing.
-        json: Print the result as JSON, in place of tables.
     """
 
     settings: RunSettings = field(default_factory=RunSettings, metadata=TAKEN)
     model: str = field(default="auto", metadata=MODEL)
-    force: bool = False
-    quiet: bool = False
-    json: bool = False
-
-    @contextmanager
-    def progress(self) -> Iterator[Progress | None]:
-        """Yield what shows progress on the error stream while the block runs, or None with ``--quiet``."""
-        from monodyn.cli.show import progress_on
-
-        with progress_on(sys.stderr, quiet=self.quiet) as progress:
-            yield progress
 
     def show(self, outcome: Outcome) -> int:
         """Return the exit code after what was found has been printed.
@@ -181,9 +164,7 @@ class LiveOptions(CommonOptions):
         ndjson: One JSON object a frame, in a file, or with - on the standard output.
         view: Serve a page with the stream, the mechanism drawn over it, at this port of this machine (needs
             monodyn[live]); with HOST: to other machines, too.
-        force: Replace a run that is already in DIR, and lines that are in FILE.
-        quiet: Show no progress and print nothing.
-        json: Print the result as JSON, in place of tables.
+        force: Replace the results that are already in DIR, and lines that are in FILE.
         live: How the stream is read and followed.
     """
 
@@ -237,8 +218,8 @@ class Command(NamedTuple):
     Attributes:
         options: The dataclass of the options that it states itself.
         example: A command line that shows its use.
-        people: Names of the options that most people need, the first ones first; the others are listed by
-            ``--help-all`` alone. All of them where it is empty.
+        people: Names of the options that most people need, the first ones first, at most ten next to the
+            words; the others are listed by ``--help-all`` alone. All of them where it is empty.
         file: Whether its options may come from a file.
     """
 
@@ -252,32 +233,32 @@ COMMANDS: dict[str, Command] = {
     "run": Command(
         RunOptions,
         "monodyn run clip.mp4 --model double.xml --out run --fit-frames 0:120",
-        "clip out model fit-frames until fix free roi points torques config force quiet",
+        "clip out model fit-frames until fix free roi points config force",
     ),
     "live": Command(
         LiveOptions,
         "monodyn live 0 --model double.xml --view 8000 --out run",
-        "source model out view ndjson live.pace live.ahead fix free roi config force quiet",
+        "source model out view ndjson live.pace live.ahead fix free config force",
     ),
     "track": Command(
         TrackOptions,
         "monodyn track clip.mp4 --model double.xml --out run",
-        "clip out model roi time-range fix free points masks config force quiet",
+        "clip out model roi time-range fix free points masks config force",
     ),
     "identify": Command(
         IdentifyOptions,
         "monodyn identify run/poses.csv --model run --out fit",
-        "poses model out fit-frames until fix free bounds torques identify.torque config force quiet",
+        "poses model out fit-frames until fix free torques identify.torque config force",
     ),
     "predict": Command(
         PredictOptions,
         "monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead",
-        "run from rates at until fix out film config force quiet",
+        "run from rates at until fix out film config force",
     ),
     "control": Command(
         ControlOptions,
         "monodyn control run --at joint1=1.5708 --actuated slide --out balance",
-        "run at actuated out swing start limit within rate config force quiet",
+        "run at actuated out swing start limit within rate config force",
     ),
     "demo": Command(DemoOptions, "monodyn demo --out demo-run", file=False),
     "warm": Command(WarmOptions, "monodyn warm", file=False),

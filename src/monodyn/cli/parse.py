@@ -12,7 +12,7 @@ from dataclasses import MISSING, fields
 from typing import Any
 
 from monodyn.cli.options import COMMANDS
-from monodyn.cli.table import CONFIG, Option, listed
+from monodyn.cli.table import CONFIG, Option, listed, owners
 from monodyn.errors import SettingsError
 from monodyn.forms import NUMBER, apart
 from monodyn.live.settings import LiveSettings
@@ -87,13 +87,20 @@ def split(command: str, options: Sequence[Option], words: Sequence[str]) -> Give
             if _is_option(word) and rest and not _is_option(rest[0]):
                 odd.append(rest.pop(0))
     if odd:
-        nearest = near([one.removeprefix("--") for one in named], odd[0].removeprefix("--").split("=")[0])
-        meant = f" Did you mean --{nearest[0]}?" if nearest else ""
         raise SettingsError(
-            f"{command}: expected known options, got {', '.join(odd)}; {_see(command)}{meant}"
+            f"{command}: expected known options, got {', '.join(odd)}; {_meant(command, named, odd[0])}"
         )
     _refuse_repeated(command, [*options, CONFIG], given)
     return given
+
+
+def _meant(command: str, named: Mapping[str, Option], word: str) -> str:
+    """Return which option may have been meant, or to which commands the one that was given belongs."""
+    name = word.removeprefix("--").partition("=")[0].replace("_", "-")
+    if word.startswith("--") and (belongs := owners(name)):
+        return f"--{name} {belongs}"
+    nearest = near([one.removeprefix("--") for one in named], name)
+    return _see(command) + (f" Did you mean --{nearest[0]}?" if nearest else "")
 
 
 def _taken(command: str, option: Option, word: str, rest: list[str]) -> list[str]:
@@ -158,40 +165,41 @@ def _refuse_repeated(command: str, options: Sequence[Option], given: Mapping[str
     """Refuse two values where there can be one, and an empty name of a file."""
     for option in options:
         words = given.get(option.name, ())
-        if len({*words} if not option.metavar else words) > 1 and not option.several:
+        if len({*words} if not option.metavar else words) > 1 and not option.form.many:
             listing = " and ".join(repr(word) for word in words)
             raise SettingsError(f"{command}: expected one {option.flag}, got {listing}; leave one out.")
         if "" in words and option.file:
             raise SettingsError(f"{command}: {option.flag}: expected a name, got an empty one; give one.")
 
 
-def merged(
-    options: Sequence[Option], filed: Mapping[str, list[str]], given: Mapping[str, list[str]]
-) -> Given:
+def merged(options: Sequence[Option], filed: Mapping[str, Any], given: Given) -> dict[str, Any]:
     """Return what a file and the command line give: the latter wins, of ``NAME=...`` name by name.
 
     Args:
         options: What the command takes.
-        filed: The words of each option in the file.
-        given: Those on the command line.
+        filed: What the file gives, by the names of options, as ``Notation.items`` returns it.
+        given: The words of the command line.
+
+    Returns:
+        What they give together, in the form of the file.
+
+    Raises:
+        SettingsError: a word has no name where there has to be one, or a name comes twice.
     """
-    both: Given = {**filed, **given}
+    both = dict(filed)
     for option in options:
-        if option.form.named and option.name in filed and option.name in given:
-            taken = {word.partition("=")[0] for word in apart(given[option.name])}
-            kept = [word for word in filed[option.name] if word.partition("=")[0] not in taken]
-            both[option.name] = [*kept, *given[option.name]]
+        if option.name in given:
+            items = option.form.items(option.name, given[option.name])
+            both[option.name] = {**filed.get(option.name, {}), **items} if option.form.named else items
     return both
 
 
-def _built(command: str, options: Sequence[Option], given: Given) -> Any:
-    """Return the options of a command with the values of all words, the rest as usual."""
+def _built(command: str, options: Sequence[Option], given: Mapping[str, Any]) -> Any:
+    """Return the options of a command with the values of all that is given, the rest as usual."""
     values: dict[str, dict[str, Any]] = {option.place: {} for option in options}
     for option in options:
         if option.name in given:
-            words = given[option.name]
-            value = option.form.read(option.name, words if option.several else words[-1])
-            values[option.place][option.field] = value
+            values[option.place][option.field] = option.form.read(option.name, given[option.name])
     own = values.pop("", {})
     if "live" in values:
         own["live"] = LiveSettings(**values.pop("live"))

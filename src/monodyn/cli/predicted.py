@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from monodyn.choices import Tolerance
+from monodyn.cli.shared import ResultOptions
 
 if TYPE_CHECKING:
     from monodyn.results.predicted import Predicted
@@ -17,8 +17,8 @@ SHOWN_ROWS = 11
 """Rows of the table, the first and the last among them."""
 
 
-@dataclass(frozen=True)
-class PredictOptions:
+@dataclass(frozen=True, kw_only=True)
+class PredictOptions(ResultOptions):
     """Predict how the mechanism of a run moves, from any state or from any moment of its record.
 
     Attributes:
@@ -35,16 +35,16 @@ class PredictOptions:
             left out.
         film: Draw the motion over the first frame of the clip, as prediction.mp4.
         clip: Where the clip is, if no longer where the run found it.
-        force: Replace a prediction that is already in DIR.
-        quiet: Show no progress and print nothing.
-        json: Print the result as JSON, in place of tables.
     """
 
     run: Path = field(metadata={"metavar": "RUN", "word": True})
     start: Mapping[str, float] = field(
-        default_factory=dict, metadata={"name": "from", "metavar": "JOINT=POSITION ..."}
+        default_factory=dict,
+        metadata={"name": "from", "metavar": "JOINT=POSITION ...", "example": "joint1=0.5"},
     )
-    rates: Mapping[str, float] = field(default_factory=dict, metadata={"metavar": "JOINT=RATE ..."})
+    rates: Mapping[str, float] = field(
+        default_factory=dict, metadata={"metavar": "JOINT=RATE ...", "example": "joint1=-2"}
+    )
     at: float | None = field(default=None, metadata={"metavar": "S"})
     until: float | None = field(default=None, metadata={"metavar": "S"})
     fix: Mapping[str, float] = field(default_factory=dict)
@@ -53,9 +53,6 @@ class PredictOptions:
     out: Path | None = field(default=None, metadata={"metavar": "DIR"})
     film: bool = False
     clip: Path | None = field(default=None, metadata={"metavar": "CLIP"})
-    force: bool = False
-    quiet: bool = False
-    json: bool = False
 
     def go(self) -> int:
         """Return the exit code after running the command.
@@ -63,7 +60,7 @@ class PredictOptions:
         Raises:
             SettingsError: a film is wanted, and no folder for it.
         """
-        from monodyn.cli.show import progress_on, show_result
+        from monodyn.cli.show import show_result
         from monodyn.errors import SettingsError
         from monodyn.results.predicted import Wanted, predict_run
 
@@ -78,7 +75,7 @@ class PredictOptions:
             record=self.record,
             tolerance=self.tolerance,
         )
-        with progress_on(sys.stderr, quiet=self.quiet) as progress:
+        with self.progress() as progress:
             found = predict_run(
                 self.run, self.out, wanted, film=self.film, clip=self.clip, force=self.force,
                 progress=progress,

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from monodyn.cli.shared import FolderOptions
 from monodyn.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ MOST_PROCESSES = 2
 """Processes that work side by side at most; each takes up to half a gigabyte."""
 
 
-@dataclass(frozen=True)
-class ReproduceOptions:
+@dataclass(frozen=True, kw_only=True)
+class ReproduceOptions(FolderOptions):
     """Repeat the experiment of the 2012 paper with the published and the default method; write one page.
 
     Attributes:
@@ -32,8 +32,6 @@ class ReproduceOptions:
         model: Mechanism file (MJCF, URDF) or bundled name for --clip.
         truth: The true motion of --clip: a JSON document with q by frame [rad, m for slides], or a table as
             monodyn identify reads it.
-        force: Replace an experiment that is already in DIR.
-        quiet: Show no progress and print nothing.
         seed: Random numbers of the made clips, of the drawn pendulums and of the start values.
         seeds: How many pendulums: the usual one, then others drawn by --seed; 3 unless --clip is given.
     """
@@ -42,8 +40,6 @@ class ReproduceOptions:
     clip: Path | None = field(default=None, metadata={"metavar": "CLIP"})
     model: str | None = field(default=None, metadata={"metavar": "MODEL", "file": True})
     truth: Path | None = None
-    force: bool = False
-    quiet: bool = False
     seed: int = 0
     seeds: int | None = None
 
@@ -61,7 +57,6 @@ class ReproduceOptions:
             raise SettingsError(
                 f"seeds: expected none with --clip, which is one pendulum, got {self.seeds}; leave it out."
             )
-        from monodyn.cli.show import progress_on
         from monodyn.cli.streams import printing
         from monodyn.settings import published_method
 
@@ -79,7 +74,7 @@ class ReproduceOptions:
             1 if given is not None else seeds,
             min(MOST_PROCESSES, os.cpu_count() or 1),
         )
-        with progress_on(sys.stderr, quiet=self.quiet) as progress:
+        with self.progress() as progress:
             made = reproduce(self.out, settings, given=given, force=self.force, progress=progress)
         if not self.quiet:
             with printing():

@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import MISSING, Field, dataclass, fields
+from dataclasses import MISSING, Field, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -34,8 +34,7 @@ class Option:
         kind: Annotation of the field.
         usual: Its value where it is left out; ``MISSING`` where it must be given.
         help: What it does, in sentences.
-        form: How its values are written.
-        metavar: What the help shows for its words.
+        form: How its values are written, with a metavar and an example of its own.
         word: Whether it is given without its name: a word of the command line.
         also: Another name of it.
         file: Whether it names a file.
@@ -48,7 +47,6 @@ class Option:
     usual: Any
     help: str
     form: Notation
-    metavar: str
     word: bool = False
     also: str = ""
     file: bool = False
@@ -68,9 +66,9 @@ class Option:
         return f"--{head}{dot}no-{tail}"
 
     @property
-    def several(self) -> bool:
-        """Whether it takes several words, or may be repeated."""
-        return self.form.many
+    def metavar(self) -> str:
+        """What the help shows for its words; empty for a flag."""
+        return self.form.metavar
 
 
 def listed(command: str) -> tuple[Option, ...]:
@@ -80,6 +78,19 @@ def listed(command: str) -> tuple[Option, ...]:
         command: One of ``COMMANDS``.
     """
     return tuple(_listed(command))
+
+
+def owners(name: str) -> str:
+    """Say to which commands an option belongs; nothing where there is none.
+
+    Args:
+        name: What it is called, without dashes.
+
+    Returns:
+        The end of a sentence with its stop.
+    """
+    others = [command for command in COMMANDS if name in {option.name for option in listed(command)}]
+    return f"belongs to monodyn {' and '.join(others[:2])}; leave it out." if others else ""
 
 
 def _listed(command: str) -> Iterator[Option]:
@@ -102,10 +113,14 @@ def _of(kind: type[Any], place: str, chosen: Sequence[Field[Any]] | None = None)
     """Yield the options that fields of a class are."""
     hints, said = get_type_hints(kind), described(kind)
     group = "" if place in ("", "settings") else f"{place}."
-    for setting in fields(kind) if chosen is None else chosen:
+    # what a command states itself comes before what it shares with others
+    stated = inspect.get_annotations(kind) if not place else hints
+    ordered = sorted(fields(kind), key=lambda setting: setting.name not in stated)
+    for setting in ordered if chosen is None else chosen:
         if setting.metadata.get("hidden") or (group and setting.name in SHARED):
             continue
-        form, notes = notation(hints[setting.name]), setting.metadata
+        notes = setting.metadata
+        own = {name: notes[name] for name in ("metavar", "example") if name in notes}
         made = setting.default_factory is not MISSING
         yield Option(
             name=group + option_name(setting),
@@ -114,8 +129,7 @@ def _of(kind: type[Any], place: str, chosen: Sequence[Field[Any]] | None = None)
             kind=hints[setting.name],
             usual=setting.default_factory() if made else setting.default,  # pyright: ignore[reportCallIssue]
             help=said[setting.name],
-            form=form,
-            metavar=notes.get("metavar", form.metavar),
+            form=replace(notation(hints[setting.name]), **own),
             word=notes.get("word", False),
             also=setting.name if place == "live" and setting.name in SHORT else "",
             file=notes.get("file", False) or Path in (hints[setting.name], *get_args(hints[setting.name])),

@@ -26,7 +26,7 @@ from monodyn.results.log import RunLog, recorded
 from monodyn.results.opened import origins
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
-from monodyn.settings_file import settings_text
+from monodyn.settings_file import run_toml
 from monodyn.types import Poses, Progress
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.release import FreeSpan
@@ -84,10 +84,10 @@ def follow(
         return None
     inputs = input_files(clip, model, settings)
     # pictures of a program are no source of a command
-    again = ""
+    written = ""
     if isinstance(source, (int, str, Path)):
-        again = settings_text("live", {"source": source, "model": model}, settings, live)
-    log = RunLog("live", inputs, settings, again)
+        written = run_toml("live", {"source": source, "model": model}, settings, live)
+    log = RunLog("live", inputs, settings, written)
     folder = RunFolder(out, force=force, inputs=(*inputs.values(), *origins(model), settings.background))
     with recorded(folder, log):
         with log.stage("live"), Session(opened, mechanism, live, settings) as session:

@@ -102,7 +102,7 @@ def open_source(
     settings = settings or LiveSettings()
     if isinstance(source, str) and source == "-":
         return raw_frames(_standard_input(), settings, rate or USUAL_RATE)
-    if isinstance(source, Integral) or (isinstance(source, str) and is_whole(source)):
+    if isinstance(source, int | Integral) or (isinstance(source, str) and is_whole(source)):
         # Python reads no number of thousands of digits; far fewer are too many here
         return camera(int(source[:DIGITS] if isinstance(source, str) else source), rate)
     if isinstance(source, str) and source.partition("://")[0] in SCHEMES:

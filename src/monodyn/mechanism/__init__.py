@@ -1,6 +1,6 @@
 """A mechanism file in; named parameters, a joint tree for the dynamics and shapes for the picture out."""
 
-from monodyn.mechanism.bundled import BUNDLED
+from monodyn.choices import BUNDLED
 from monodyn.mechanism.mjcf import write_mjcf
 from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.parts import Joint, Parameter

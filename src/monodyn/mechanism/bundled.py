@@ -5,15 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from monodyn.choices import BUNDLED_FILES
 from monodyn.errors import MechanismError
 
-BUNDLED_FILES = ("single", "double", "triple", "bob", "cartpole")
-BUNDLED = (*BUNDLED_FILES, "chain:N")
-"""Names that ``load`` takes; N is the number of links of a chain, 1 to 10."""
-
-AUTO = "auto"
-"""What stands for the one of them that the evidence prefers."""
 LONGEST_CHAIN = 10
+"""Links of a bundled chain, at most."""
 
 _HEAD = """<mujoco>
   <option gravity="0 0 -9.81"/>
@@ -23,15 +19,6 @@ _HEAD = """<mujoco>
   </default>
   <worldbody>
 """
-
-
-def is_bundled(source: object) -> bool:
-    """Return whether a mechanism is named that comes with the package, or any, whatever file has the name.
-
-    Args:
-        source: What was given as a mechanism; a path is none of these names.
-    """
-    return isinstance(source, str) and (source in (*BUNDLED_FILES, AUTO) or source.startswith("chain:"))
 
 
 def bundled(name: str) -> str | Path | None:

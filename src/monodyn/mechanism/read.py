@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from monodyn.choices import BUNDLED
 from monodyn.errors import MechanismError
 from monodyn.mechanism.assemble import links_of
-from monodyn.mechanism.bundled import BUNDLED, bundled
+from monodyn.mechanism.bundled import bundled
 from monodyn.mechanism.files import read_mechanism
 from monodyn.mechanism.hull import hull
 from monodyn.mechanism.model import Mechanism

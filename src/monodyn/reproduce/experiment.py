@@ -31,16 +31,16 @@ from monodyn.reproduce.truth import Truth
 from monodyn.reproduce.units import units_of
 from monodyn.reproduce.vision import BOTH_METHODS, TITLES
 from monodyn.reproduce.vision_figures import filtered_states, history_figure, starts_figure, states_figure
-from monodyn.results.again import FILE, again_text
 from monodyn.results.export import json_text
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.log import versions
+from monodyn.results.run_toml import RUN_TOML, command_toml
 from monodyn.typed import check_fields
 from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read
 
 EXPERIMENT_FILES = (
-    "clip.mp4", "truth.json", "start.xml", "table.csv", "reproduce.json", "reproduce.html", FILE,
+    "clip.mp4", "truth.json", "start.xml", "table.csv", "reproduce.json", "reproduce.html", RUN_TOML,
 )  # fmt: skip
 """Names of the files of an experiment."""
 EXPERIMENT = FolderKind("experiment", EXPERIMENT_FILES, whole=True)
@@ -146,19 +146,19 @@ def reproduce(
         found = _repeated(made, settings, progress)
         judged = claims([repetition.evidence for repetition in found])
         whole = Experiment(folder.path, found, judged, time.perf_counter() - began, folder.notes)
-        _write_again(folder, settings, given)
+        _write_run_toml(folder, settings, given)
         _write(folder, whole, settings)
     return whole
 
 
-def _write_again(folder: RunFolder, settings: ReproduceSettings, given: GivenClip | None) -> None:
+def _write_run_toml(folder: RunFolder, settings: ReproduceSettings, given: GivenClip | None) -> None:
     """Write ``run.toml``, unless a program chose what the command has no options for."""
     seed = settings.clip.seed
     if (settings.clip, settings.design) != (ClipSettings(seed=seed), Design(seed=seed)):
         return
     files = {} if given is None else {"clip": given.clip, "model": given.model, "truth": given.truth}
     counted = {"seeds": settings.seeds} if given is None else {}
-    folder.write_text(FILE, again_text("reproduce", {**files, "seed": seed, **counted}))
+    folder.write_text(RUN_TOML, command_toml("reproduce", {**files, "seed": seed, **counted}))
 
 
 Made = tuple[Path, str | Path, ClipSettings | None, Truth | None]

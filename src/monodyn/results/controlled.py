@@ -13,7 +13,6 @@ from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
 from monodyn.numbers import shown_in
-from monodyn.results.again import FILE, again_text
 from monodyn.results.caveats import draws_said, seldom, turned, undrawn
 from monodyn.results.closed import ClosedLoop, closed_loop
 from monodyn.results.curves import loop_curves
@@ -26,12 +25,13 @@ from monodyn.results.models import write_controlled
 from monodyn.results.opened import open_run
 from monodyn.results.push import Push, let_go
 from monodyn.results.regulator import RATE, Allowed, Regulator, lqr
+from monodyn.results.run_toml import RUN_TOML, command_toml
 from monodyn.results.sequel import Sequel, Table, notes_of, sequel_text
 from monodyn.results.swing import SwingUp, swing_up
 from monodyn.types import Progress
 
 CONTROL = FolderKind(
-    "controller", ("control.json", "control.html", "control.mp4", "model.xml", FILE), whole=True
+    "controller", ("control.json", "control.html", "control.mp4", "model.xml", RUN_TOML), whole=True
 )
 BALANCING = 10.0
 """How long a balance is simulated, also after a swing [s]."""
@@ -245,7 +245,7 @@ def control_run(
         found = replace(control(fit, aim, progress=progress), remains=tuple(folder.notes))
         folder.write_text("control.json", json_text(found.document))
         write_controlled(folder, fit, found.regulator.actuated, found.loop, found.held)
-        folder.write_text(FILE, again_text("control", {"run": run, "film": film}, aim))
+        folder.write_text(RUN_TOML, command_toml("control", {"run": run, "film": film}, aim))
         files = [*folder.written, *(["control.mp4"] if film else [])]
         folder.write_text("control.html", sequel_text(_page(found, Path(run)), files, Path(run), folder.path))
         if film:

@@ -13,10 +13,11 @@ from dataclasses import asdict, dataclass, field, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from monodyn.choices import is_bundled
 from monodyn.errors import MonodynError, is_interrupt
-from monodyn.mechanism.bundled import is_bundled
 from monodyn.results.export import json_text, jsonable
 from monodyn.results.folder import RunFolder
+from monodyn.results.run_toml import RUN_TOML
 
 if TYPE_CHECKING:
     from monodyn.estimation.fit import Grade
@@ -57,7 +58,7 @@ class RunLog:
         command: Name of the command.
         inputs: Given files by their part, with size and SHA-256.
         settings: Settings as values of JSON.
-        again: The content of ``run.toml``; empty where no command does this again.
+        run_toml: The content of ``run.toml``; empty where no command does this again.
         versions: Versions by package.
         seconds: Wall time by stage [s].
         notes: Sentences about the input.
@@ -66,16 +67,18 @@ class RunLog:
         comparison: The mechanisms that were tried, the chosen one first; none where the user named it.
     """
 
-    def __init__(self, command: str, inputs: Mapping[str, object], settings: object, again: str = "") -> None:
+    def __init__(
+        self, command: str, inputs: Mapping[str, object], settings: object, run_toml: str = ""
+    ) -> None:
         """Start the log.
 
         Args:
             command: Name of the command.
             inputs: Paths or bundled names by their part.
             settings: The settings, a dataclass.
-            again: The content of ``run.toml``.
+            run_toml: The content of ``run.toml``.
         """
-        self.command, self.again = command, again
+        self.command, self.run_toml = command, run_toml
         self.inputs = {part: fingerprint(part, value) for part, value in inputs.items()}
         values = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
         self.settings: dict[str, Any] = jsonable(values)
@@ -189,8 +192,8 @@ def _record_failure(folder: RunFolder, log: RunLog, error: BaseException, interr
 
 def _write_again(folder: RunFolder, log: RunLog) -> None:
     """Write ``run.toml``, with which the run can be done again."""
-    if log.again:
-        folder.write_text("run.toml", log.again)
+    if log.run_toml:
+        folder.write_text(RUN_TOML, log.run_toml)
 
 
 def versions() -> dict[str, str]:

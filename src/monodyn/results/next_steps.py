@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.choices import is_bundled
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
-from monodyn.mechanism.bundled import is_bundled
 from monodyn.mechanism.simulate import energy
 from monodyn.results.experiment import next_commands, next_motion
 from monodyn.results.findings import Findings

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from monodyn.choices import is_bundled
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Doubt, Estimate, Fit, Grade
 from monodyn.estimation.parts import Combination, Start, TriedTorque, Unmodelled
 from monodyn.estimation.shooting.unknowns import SEEN_ONLY, assumed_sizes
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Measured, Mechanism, load
-from monodyn.mechanism.bundled import is_bundled
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL

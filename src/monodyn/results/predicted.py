@@ -18,7 +18,6 @@ from monodyn.mechanism.dimensions import MASS_KINDS
 from monodyn.mechanism.steps import spacing
 from monodyn.mechanism.tree import INERTIA, MASS
 from monodyn.numbers import shown_in
-from monodyn.results.again import FILE, again_text
 from monodyn.results.curves import BAND, state_curves
 from monodyn.results.export import json_text, motion_table
 from monodyn.results.fill import States, fill
@@ -29,13 +28,16 @@ from monodyn.results.opened import clip_of, filmed_by, is_other_clip, open_run
 from monodyn.results.overlay import PREDICTED, Drawing, write_overlay
 from monodyn.results.predict import evenly
 from monodyn.results.restart import acting, restart
+from monodyn.results.run_toml import RUN_TOML, command_toml
 from monodyn.results.sequel import Sequel, notes_of, sequel_text
 from monodyn.results.sight import outlines_of
 from monodyn.types import Frame, Progress
 from monodyn.vision.clip.video import Video, read
 
 PREDICTION = FolderKind(
-    "prediction", ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4", FILE), whole=True
+    "prediction",
+    ("prediction.csv", "prediction.json", "prediction.html", "prediction.mp4", RUN_TOML),
+    whole=True,
 )
 
 
@@ -149,7 +151,7 @@ def predict_run(
         notes = [] if over is None else _other_clip(Path(run), over)
         found = replace(found, notes=(*found.notes, *notes, *folder.notes))
         _write(folder, found, wanted, Path(run), background, progress)
-        folder.write_text(FILE, again_text("predict", {"run": run, "film": film, "clip": clip}, wanted))
+        folder.write_text(RUN_TOML, command_toml("predict", {"run": run, "film": film, "clip": clip}, wanted))
     return replace(found, folder=folder.path)
 
 
@@ -265,7 +267,7 @@ def _write(
     table = motion_table(names, [(range(len(states.time)), states)])
     folder.write_text("prediction.csv", table)
     folder.write_text("prediction.json", json_text(found.document))
-    files = [*folder.written, FILE, *(["prediction.mp4"] if background is not None else [])]
+    files = [*folder.written, RUN_TOML, *(["prediction.mp4"] if background is not None else [])]
     folder.write_text("prediction.html", sequel_text(_page(found, wanted, run), files, run, folder.path))
     if background is not None:
         folder.write("prediction.mp4", lambda path: _film(path, found, run, background, progress))

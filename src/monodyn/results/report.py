@@ -29,6 +29,7 @@ from monodyn.results.intact import digest, sealed
 from monodyn.results.models import write_models
 from monodyn.results.next_steps import next_steps
 from monodyn.results.page import page_text
+from monodyn.results.run_toml import RUN_TOML
 from monodyn.results.torques import torque_course
 from monodyn.types import Progress
 
@@ -74,7 +75,7 @@ def write_results(
         stills = pictures()
     # what is written after the page is in the folder, too, when it is read
     log = findings.log
-    logs = [] if log is None else [*(["run.toml"] if log.again else []), "run.json"]
+    logs = [] if log is None else [*([RUN_TOML] if log.run_toml else []), "run.json"]
     page = page_text(findings, stills, shown, [*folder.written, *logs], steps)
     folder.write_text("report.html", page)
     return document

@@ -18,6 +18,7 @@ from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import energy
 from monodyn.mechanism.tree import SLIDE
+from monodyn.names import known
 from monodyn.results.closed import closed_loop
 from monodyn.results.draws import Response, drawn
 from monodyn.results.linear import State, by_joint, motors, state_matrices, without_dry_friction
@@ -246,10 +247,12 @@ def _limits(regulator: Regulator, limit: Mapping[str, float] | None) -> np.ndarr
     """Return the largest torque of each motor, (motor,)."""
     limit = limit or {}
     for name, value in limit.items():
-        if name not in regulator.actuated or not value > 0.0:
+        if name not in regulator.actuated:
             raise SettingsError(
-                f"limit: expected torques above 0 of {', '.join(regulator.actuated)}, got {name}={value:g}."
+                f"limit: joint '{name}' has no motor; {known('motors', regulator.actuated, name)}"
             )
+        if not value > 0.0:
+            raise SettingsError(f"limit: expected a torque above 0, got {name}={value:g}; give a larger one.")
     usual = zip(regulator.actuated, regulator.effort, strict=True)
     return np.array([limit.get(name, float(effort)) for name, effort in usual])
 

@@ -51,7 +51,8 @@ def wrong_units(records: Sequence[Poses], mechanism: Mechanism) -> str | None:
     if 0.0 < length < SHORTEST:
         return (
             "expected times in seconds, got a motion so quick that gravity would move lengths of "
-            f"{length:.2g} m like that: these look like another unit; give seconds, or free the clock with --free time_scale."
+            f"{length:.2g} m like that: these look like another unit; give seconds, or free the clock with "
+            "--free time_scale."
         )
     if not length > LONGEST:
         return None

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from monodyn.choices import is_bundled
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum
@@ -15,7 +16,6 @@ from monodyn.estimation.verdict.refine import Refined
 from monodyn.estimation.verdict.shares import Share, added
 from monodyn.estimation.verdict.uncertainty import Knowledge, knowledge_at, without_states
 from monodyn.mechanism import Mechanism
-from monodyn.mechanism.bundled import is_bundled
 
 GRAVITY_STD = 1.5e-3
 """Standard deviation of gravity where it is taken from a file, as a share of it: it is 9.780 to 9.832 m/s^2

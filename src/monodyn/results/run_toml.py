@@ -11,20 +11,22 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from monodyn.choices import is_bundled
 from monodyn.forms import notation, option_name
-from monodyn.mechanism.bundled import is_bundled
 from monodyn.numbers import is_whole
+from monodyn.typed import is_a
 
-FILE = "run.toml"
+RUN_TOML = "run.toml"
 """Its name."""
 BARE = re.compile(r"[A-Za-z0-9_-]+")
 """A key that needs no quotes."""
 
 
-def again_text(command: str, inputs: Mapping[str, object], wanted: object = None) -> str:
+def command_toml(command: str, inputs: Mapping[str, object], wanted: object = None) -> str:
     """Return the file of a command that goes on from a run, or needs none.
 
     Args:
@@ -32,7 +34,7 @@ def again_text(command: str, inputs: Mapping[str, object], wanted: object = None
         inputs: Files, numbers and flags by the names of their options; what is None is left out.
         wanted: Further settings, a dataclass whose fields have the names of options.
     """
-    return document_text(command, given(inputs) | ({} if wanted is None else written(wanted)), {})
+    return document_toml(command, given(inputs) | ({} if wanted is None else written(wanted)), {})
 
 
 def given(inputs: Mapping[str, object]) -> dict[str, Any]:
@@ -44,7 +46,7 @@ def given(inputs: Mapping[str, object]) -> dict[str, Any]:
     return {name: _input(name, value) for name, value in inputs.items() if value is not None}
 
 
-def document_text(command: str, plain: Mapping[str, Any], stages: Mapping[str, Mapping[str, Any]]) -> str:
+def document_toml(command: str, plain: Mapping[str, Any], stages: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the content of the file: single values first, then the tables.
 
     Args:
@@ -52,14 +54,14 @@ def document_text(command: str, plain: Mapping[str, Any], stages: Mapping[str, M
         plain: Values by the names of their options.
         stages: Values of each stage by the names of its options.
     """
-    tables = {name: value for name, value in plain.items() if isinstance(value, dict) and value}
+    # nothing is said of several of which there are none
+    plain = {name: value for name, value in plain.items() if not isinstance(value, (dict, list)) or value}
+    tables = {name: value for name, value in plain.items() if isinstance(value, dict)}
     lines = [
         "# The settings of this run. To do it again, into another folder:",
         f"#   monodyn {command} --config run.toml --out again",
     ]
-    lines += [
-        _line(name, value) for name, value in plain.items() if value not in ({}, []) and name not in tables
-    ]
+    lines += [_line(name, value) for name, value in plain.items() if name not in tables]
     for name, table in {**tables, **stages}.items():
         lines += ["", f"[{_key(name)}]", *(_line(key, value) for key, value in table.items())]
     return "\n".join(lines) + "\n"
@@ -83,26 +85,28 @@ def written(settings: object, shared: Sequence[str] = ()) -> dict[str, Any]:
     return found
 
 
-def is_no_file(text: object) -> bool:
-    """Return whether what was given as a model or a source is not the name of a file.
+def is_no_file(name: str, value: object) -> bool:
+    """Return whether what was given is not the name of a file, though it might be one.
 
     Args:
-        text: A bundled mechanism, the number of a camera, the address of a stream or ``-``; or a file.
+        name: Name of the option: a model may be a bundled mechanism, a source the number of a camera, the
+            address of a stream or ``-``, and ``-`` stands for the standard output, too.
+        value: What was given.
     """
-    if not isinstance(text, str):
-        return isinstance(text, int)
-    return is_bundled(text) or text == "-" or is_whole(text) or "://" in text
+    if name == "model":
+        return is_bundled(value)
+    if name == "source" and isinstance(value, str):
+        return value == "-" or is_whole(value) or "://" in value
+    return is_a(value, int) if name == "source" else name == "ndjson" and value == "-"
 
 
 def _input(name: str, value: object) -> object:
     """Return an input so that it is found from every folder: a file by its whole path, the rest as it is."""
-    if isinstance(value, (bool, int, float)) and name != "source":
-        return value
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [_input(name, one) for one in value]
-    if name in ("model", "source") and is_no_file(value):
+    if is_no_file(name, value):
         return str(value)
-    return os.path.abspath(Path(str(value)))
+    return value if is_a(value, bool) or isinstance(value, Real) else os.path.abspath(Path(str(value)))
 
 
 def _line(name: str, value: object) -> str:
@@ -111,7 +115,7 @@ def _line(name: str, value: object) -> str:
         line.encode()
     except UnicodeEncodeError:
         # the name of a file may be any bytes, TOML is a text
-        return f"# {name}: no text"
+        return f"# {name if BARE.fullmatch(name) else json.dumps(name)}: no text"
     return line
 
 
@@ -126,4 +130,7 @@ def _value(value: object) -> str:
     if isinstance(value, str):
         # the escapes of JSON are those of TOML, but for one character
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    return repr(value).lower() if isinstance(value, bool) else repr(value)
+    if is_a(value, bool):
+        return repr(bool(value)).lower()
+    # numbers of numpy count as numbers: each is written as Python's own
+    return repr(int(value) if isinstance(value, Integral) else float(value))  # type: ignore[arg-type]
