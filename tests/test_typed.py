@@ -91,6 +91,9 @@ def test_a_place_that_the_system_cannot_use_is_one_sentence() -> None:
         ([1.0, 2.0], np.ndarray, True),
         ([0.0, []], np.ndarray, False),
         (["1"], np.ndarray, False),
+        (np.array(1.0), np.ndarray, False),
+        (np.array(1.0), tuple[int, int], False),
+        (np.float64(1.0), "tuple", False),
     ],
 )
 def test_numbers_are_numbers_whoever_made_them(value: object, hint: object, right: bool) -> None:

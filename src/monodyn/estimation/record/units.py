@@ -50,8 +50,9 @@ def wrong_units(records: Sequence[Poses], mechanism: Mechanism) -> str | None:
     length = float(np.median(lengths))
     if 0.0 < length < SHORTEST:
         return (
-            f"expected times in seconds, got a motion so quick that gravity would move lengths of {length:.2g} m "
-            "like that: these look like another unit; give seconds, or free the clock with --free time_scale."
+            f"expected times in seconds, got a motion so quick that gravity would move lengths of "
+            f"{length:.2g} m like that: these look like another unit; give seconds, or free the clock with "
+            "--free time_scale."
         )
     if not length > LONGEST:
         return None
