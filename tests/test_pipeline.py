@@ -160,7 +160,7 @@ def test_a_tracked_clip_has_its_notes(
     outcome = track_clip(clip, "single", tmp_path / "run")
     assert outcome.notes[0] == "The camera is a guess."
     assert outcome.notes[-1].startswith("Only 9 of 12 frames were tracked; ")
-    assert outcome.document["files"] == ["poses.csv", "diagnosis.png", "overlay.mp4", "run.toml", "run.json"]
+    assert outcome.document["files"] == ["poses.csv", "overlay.mp4", "diagnosis.png", "run.toml", "run.json"]
     assert list(outcome.seconds) == ["segment", "locate", "track", "results"]
     assert read(tmp_path / "run" / "overlay.mp4").count == 12
 
@@ -194,7 +194,7 @@ def test_a_clip_without_the_mechanism_keeps_its_poses(
         run(clip, "single", tmp_path / "run", force=True)
     left = json.loads((tmp_path / "run" / "unfinished" / "run.json").read_text())
     assert left["status"] == "failed"
-    assert left["files"] == ["poses.csv", "diagnosis.png", "overlay.mp4", "run.toml"]
+    assert left["files"] == ["poses.csv", "overlay.mp4", "diagnosis.png", "run.toml"]
 
 
 def test_a_still_clip_leaves_its_pictures(make_clip: ClipMaker, tmp_path: Path) -> None:
@@ -202,7 +202,7 @@ def test_a_still_clip_leaves_its_pictures(make_clip: ClipMaker, tmp_path: Path) 
     with pytest.raises(VideoError, match="got a still picture"):
         run(clip, "single", tmp_path / "run")
     left = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert (left["status"], left["files"]) == ("failed", ["diagnosis.png", "overlay.mp4", "run.toml"])
+    assert (left["status"], left["files"]) == ("failed", ["overlay.mp4", "diagnosis.png", "run.toml"])
     assert read(tmp_path / "run" / "overlay.mp4").count == 12
 
 

@@ -42,6 +42,8 @@ CAMERA = "'camera.x', 'camera.y', 'camera.depth', 'camera.roll', 'camera.pitch',
         ("fast", {"camera.depth": 1e-300}, [],
          "parameter 'camera.depth': expected a place within 1e+06 m of the mechanism, got 1e-300; "
          "correct it."),
+        ("fast", {"camera.roll": 90.0}, [],
+         "parameter 'camera.roll': expected an angle within a turn, got 90 rad; give it in radians."),
         ("fast", {"camera.yaw": -2.0}, [],
          "parameter 'camera.yaw': expected less than a quarter turn, got -2 rad; the camera looks at the "
          "plane, give the angle in radians."),

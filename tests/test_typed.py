@@ -108,6 +108,9 @@ def test_a_place_that_the_system_cannot_use_is_one_sentence() -> None:
         ([1.0, 2.0], np.ndarray, True),
         ([0.0, []], np.ndarray, False),
         (["1"], np.ndarray, False),
+        (np.array(1.0), np.ndarray, False),
+        (np.array(1.0), tuple[int, int], False),
+        (np.float64(1.0), "tuple", False),
     ],
 )
 def test_numbers_are_numbers_whoever_made_them(value: object, hint: object, right: bool) -> None:
@@ -171,7 +174,7 @@ def test_ctrl_c_stops_a_prediction() -> None:
         signal.signal(signal.SIGALRM, before)
 
 
-@pytest.mark.parametrize("error", [OSError("disk"), TimeoutError(), OSError(28, "No space left on device")])
+@pytest.mark.parametrize("error", [OSError("disk"), TimeoutError()])
 def test_an_error_of_what_the_caller_gave_is_the_callers(error: OSError) -> None:
     def progress(step: str, done: int, total: int | None) -> None:
         """Fail as a callback may."""

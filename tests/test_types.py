@@ -86,6 +86,7 @@ def test_a_stretch_of_the_published_method_keeps_what_it_cost():
         (slice(None, None, 0), "::0"),
         (slice(0.5, 2), "0.5:2:"),
         ("a", "a"),
+        (np.ones(90, dtype=bool), "a value of type ndarray"),
     ],
 )
 def test_rows_are_cut_in_the_order_of_time_alone(asked, shown):
@@ -186,3 +187,43 @@ def test_a_frame_that_is_no_picture_is_refused():
     ):
         with refuses(VideoError, f"Frame.{got}; give another."):
             Frame(0, 0.0, *given)
+
+
+@pytest.mark.parametrize("roll", [np.inf, -np.inf, np.nan, 1e308, 90.0])
+def test_a_roll_is_an_angle(roll):
+    with refuses(
+        VideoError,
+        f"Poses.roll: expected an angle within a turn [rad], got {roll:g}; give it in radians.",
+    ):
+        replace(poses(), roll=roll)
+
+
+def test_rows_are_as_far_apart_as_a_clock_shows():
+    record = poses()
+    with refuses(
+        VideoError,
+        "Poses.time: expected rows 1e-09 s apart or more, got two with "
+        f"{np.diff(1e-12 * record.time).min():g} s between them; give the times in seconds.",
+    ):
+        replace(record, time=1e-12 * record.time)
+    with refuses(
+        VideoError,
+        "TorqueLog.time: expected times within 1e+30 s of 0, got 1e+31; give them in seconds.",
+    ):
+        TorqueLog(("a",), np.array([0.0, 1e31]), np.ones((2, 1)))
+
+
+@pytest.mark.parametrize("wrong", [np.array(1.0), np.float64(np.nan)])
+@pytest.mark.parametrize("name", ["time", "joints", "frame"])
+def test_a_number_is_no_list(name, wrong):
+    shown = "an array of shape () and type float64" if isinstance(wrong, np.ndarray) else repr(wrong)
+    what = "tuple of a text" if name == "joints" else "ndarray"
+    with refuses(SettingsError, f"Poses: expected {name} to be {what}, got {shown}; give another."):
+        replace(poses(), **{name: wrong})
+
+
+def test_a_frame_number_is_a_number():
+    with refuses(
+        VideoError, "Poses.frame: expected an array of numbers, got a value of type ndarray; give another."
+    ):
+        replace(poses(), frame=np.full(len(poses()), np.nan))

@@ -14,6 +14,8 @@ NEAR, NEAREST = 0.8, 2
 """Likeness from which on a name may have been meant, from 0 to 1; and how many are asked about."""
 MOST_ERRORS = 2
 """Letters that were left out, added, exchanged or mistaken, at most, in a name that may have been meant."""
+ALIKE = 0.09
+"""What is so much less alike than the likeliest was not meant."""
 MOST_FILES = 1000
 """Files of a folder that are looked at for one that may have been meant."""
 
@@ -82,7 +84,7 @@ def near(names: Sequence[str], given: str, *, grouped: bool = True) -> list[str]
     """
     likeness = {name: _likeness(name, given, grouped) for name in names}
     best = sorted(likeness, key=lambda name: likeness[name], reverse=True)[:NEAREST]
-    return [name for name in best if likeness[name] >= NEAR]
+    return [name for name in best if likeness[name] >= max(NEAR, likeness[best[0]] - ALIKE)]
 
 
 def near_files(path: Path, endings: Sequence[str] = ()) -> list[str]:

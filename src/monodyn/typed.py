@@ -245,14 +245,15 @@ def _said(hint: Any) -> str:
 
 
 def kind_of(value: Any) -> str:
-    """Say what a value is: itself where it is short, else its type.
+    """Return what a value is, for a message: itself where it is short, else its type.
 
     Args:
         value: Anything.
     """
     if value is None or (isinstance(value, str | Real) and len(repr(value)) <= 40):
         return repr(value)
-    if _is_array(value):
-        return f"an array of shape {value.shape} and type {value.dtype}"
+    kind = getattr(value, "dtype", None)
+    if kind is not None:
+        return f"an array of shape {getattr(value, 'shape', ())} and type {kind}"
     count = f" with {len(value)} items" if isinstance(value, tuple) else ""
     return f"a value of type {type(value).__name__}{count}"

@@ -235,3 +235,10 @@ def test_more_rows_than_can_be_fitted_are_refused(tmp_path, monkeypatch):
 def test_a_table_without_an_end_is_refused():
     with refuses(VideoError, "'/dev/zero': expected a file, got a device; save its content to a file."):
         read_poses("/dev/zero", ["a"])
+
+
+@pytest.mark.parametrize(("name", "expected"), [("excluded", "12, 2"), ("shared", "any, 12, 2")])
+def test_what_is_written_has_the_shape_of_the_record(tmp_path, name, expected):
+    with refuses(VideoError, f"write_poses: {name}: expected an array of shape ({expected}), got (1,)."):
+        write_poses(poses(), tmp_path / "poses.csv", **{name: np.array([1.0])})
+    assert not (tmp_path / "poses.csv").exists()

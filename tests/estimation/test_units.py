@@ -81,6 +81,20 @@ def test_other_units_of_time_are_named_where_time_counts(swinging: Poses, factor
     assert wrong_units([slow], double.with_choices(free=["gravity"])) is None
 
 
+def test_a_motion_that_is_too_quick_is_in_another_unit(swinging: Poses) -> None:
+    quick, double = replace(swinging, time=1e-4 * TIMES), load("double")
+    said = wrong_units([quick], double)
+    assert said is not None
+    found = float(said.split("lengths of ")[1].split()[0])
+    assert found == pytest.approx(0.2e-8, rel=1.0)
+    assert said == (
+        f"expected times in seconds, got a motion so quick that gravity would move lengths of {found:.2g} m "
+        "like that: these look like another unit; give seconds, or free the clock with --free time_scale."
+    )
+    with refuses(VideoError, f"poses: {said}"):
+        monodyn.identify(quick, double)
+
+
 def test_a_table_in_degrees_is_refused_before_the_search(swinging: Poses, tmp_path: Path) -> None:
     table = tmp_path / "log.csv"
     rows = np.column_stack([TIMES, np.degrees(swinging.position)])

@@ -34,12 +34,15 @@ def test_queue_size_and_words():
             "the frames.",
         ):
             LiveSettings(size=size)
-    for size in (np.array(640), np.float64("nan"), (np.array(640), np.array(480)), (float("nan"), 480)):
-        got = repr(size) if isinstance(size, float) else f"a value of type {type(size).__name__}"
-        with refuses(
-            SettingsError,
-            f"live: expected size to be tuple of a whole number or None, got {got}; give another.",
-        ):
+    for size, expected, got in (
+        (np.array(640), "size to be tuple of 2 items, a whole number or None",
+         "an array of shape () and type int64"),
+        (float("nan"), "size to be tuple of 2 items, a whole number or None", "nan"),
+        ((np.array(640), np.array(480)), "size[0] to be a whole number",
+         "an array of shape () and type int64"),
+        ((float("nan"), 480), "size[0] to be a whole number", "nan"),
+    ):  # fmt: skip
+        with refuses(SettingsError, f"live: expected {expected}, got {got}; give another."):
             LiveSettings(size=size)
     with pytest.raises(SettingsError, match=r"^live\.pace: expected .*'slow'"):
         LiveSettings(pace="slow")

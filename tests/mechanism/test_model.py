@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from models import mjcf, read
-from monodyn.errors import MechanismError
+from monodyn.errors import MechanismError, SettingsError
 from monodyn.mechanism import Measured, Mechanism, load
+from support import refuses
 
 BOX = '<geom type="box" size="0.05 0.0025 0.01" pos="0.05 0 0" density="2700"/>'
 HINGE = '<joint name="{}" axis="0 -1 0" damping="0.001"/>'
@@ -314,3 +315,28 @@ def test_a_mechanism_says_in_one_line_what_it_is() -> None:
     listed = sum(p.free or p.value != 0.0 for p in single.parameters)
     assert found.count("<tr>") == 1 + listed
     assert f"{len(single.parameters) - listed} parameters of value 0 not listed." in found
+
+
+@pytest.mark.parametrize("wrong", ["x", b"", None, np.array([1.0]), [], True])
+def test_a_value_is_a_number(wrong: object) -> None:
+    with refuses(
+        SettingsError,
+        "with_values: expected values to be Mapping of a text and a number, got a value of type dict; give "
+        "another.",
+    ):
+        load("single").with_values({"gravity": wrong})  # type: ignore[dict-item]
+
+
+@pytest.mark.parametrize("wrong", [None, -1, 0.5])
+def test_a_name_is_a_text(wrong: object) -> None:
+    with refuses(SettingsError, f"parameter: expected name to be a text, got {wrong}; give another."):
+        load("single").parameter(wrong)  # type: ignore[arg-type]
+
+
+def test_a_value_beyond_its_bounds_is_not_computed_with() -> None:
+    with refuses(
+        MechanismError,
+        "parameter 'link1.length': expected a value between 0.0002 and 200 m, got 1e+308; change the value "
+        "or the bounds.",
+    ):
+        load("double").with_choices(fix={"link1.length": 1e308})

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from controllable import TIMES, identified
+from monodyn.errors import SettingsError
 from monodyn.mechanism.simulate import acceleration_derivatives, rollout
 from monodyn.results import draws
 from monodyn.results.draws import Response, drawn
 from monodyn.results.fill import fill
+from support import refuses
 
 
 def test_draws_move_as_the_data_allow() -> None:
@@ -72,3 +74,5 @@ def test_draws_follow_from_the_seed_and_stay_within_the_bounds() -> None:
         assert all(p.lower <= p.value <= p.upper for p in one.parameters if p.name in fit.shared)
     given = replace(fit, parameters=tuple(replace(p, free=False) for p in fit.parameters))
     assert drawn(given, 3) == []
+    with refuses(SettingsError, f"draws: expected 0 to 100, got {2**70}; give a whole number."):
+        drawn(fit, 2**70)

@@ -182,7 +182,9 @@ def test_only_a_pole_that_a_cart_moves_is_balanced(tmp_path, gravity, joints, hu
     text = f'<mujoco><option gravity="{gravity}"/><worldbody><body>{joints}</body></worldbody></mujoco>'
     (tmp_path / "made.xml").write_text(text)
     mechanism = monodyn.load(tmp_path / "made.xml")
-    start = replace(identified().starts[0], position=np.array([0.0, hung])[-len(mechanism.joints) :])
+    at = np.array([0.0, hung])[-len(mechanism.joints) :]
+    still = np.zeros(len(at))
+    start = replace(identified().starts[0], position=at, velocity=still, covariance=np.eye(2 * len(at)))
     steps = next_steps_module._balanced(replace(identified(), mechanism=mechanism, starts=(start,)))
     assert [step.command for step in steps] == (
         [] if upright is None else [f"monodyn control . --at turn={upright:g} --actuated x --out control"]

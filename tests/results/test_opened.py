@@ -72,6 +72,7 @@ def test_a_run_is_read_back_as_it_was(tmp_path, name, settings, torque):
     assert (back.grade, back.status, back.torque, back.ok) == (fit.grade, fit.status, fit.torque, fit.ok)
     length = f"{fit.mechanism.bodies[-1]}.length"
     assert back.parameter(length).std == fit.parameter(length).std
+    assert f", {len(fit.shared)} estimated parameters from " in repr(back)
 
 
 def test_what_is_no_run_is_refused_in_one_line(tmp_path):

@@ -158,6 +158,8 @@ def test_numbers_that_are_none_are_refused() -> None:
             lqr(fit, upright, actuated=motors, rate=value)
     with refuses(SettingsError, "draws: expected 0 to 100, got -1; give a whole number."):
         lqr(fit, upright, actuated=motors, draws=-1)
+    with refuses(SettingsError, f"draws: expected 0 to 100, got {2**70}; give a whole number."):
+        lqr(fit, upright, actuated=motors, draws=2**70)
     for seed in (-1, 1.5, np.nan):
         with refuses(SettingsError, f"seed: expected 0 or more, got {seed}; give a whole number."):
             lqr(fit, upright, actuated=motors, seed=seed)

@@ -104,14 +104,13 @@ def test_springs_of_further_variables_hold_them_where_they_are(tmp_path: Path) -
 
 
 def on_rods(folder: Path, count: int) -> Mechanism:
-    """Return rods on one pivot, each turning on the one before, with a ball at the end of each."""
-    text = "</body>" * count
-    for i in reversed(range(count)):
-        text = (
-            f'<body name="{"ab"[i]}"><joint name="j{i}" axis="0 -1 0"/>'
-            '<geom type="capsule" size=".004" fromto="0 0 0 .2 0 0"/>'
-            f'<geom name="ball{i}" type="sphere" size=".03" pos=".2 0 0"/>{text}'
-        )
+    """Return rods on one pivot, with a ball at the end of each."""
+    text = "".join(
+        f'<body name="{"ab"[i]}"><joint name="j{i}" axis="0 -1 0"/>'
+        '<geom type="capsule" size=".004" fromto="0 0 0 .2 0 0"/>'
+        f'<geom name="ball{i}" type="sphere" size=".03" pos=".2 0 0"/></body>'
+        for i in range(count)
+    )
     (folder / "balls.xml").write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>")
     return load(folder / "balls.xml")
 

@@ -219,9 +219,12 @@ class Mechanism:
             frees[row] = name in free
         chosen = self.chosen | {*fix, *free}
         copy = replace(self, numbers=numbers, lower=lower, upper=upper, free=frees, own=own, chosen=chosen)
-        for name in (*fix, *free, *bounds):
-            copy._check_bounds(name, fix.get(name))
-        return copy.with_values(fix)
+        for name, value in fix.items():
+            copy._check_bounds(name, value)
+        copy = copy.with_values(fix)
+        for name in (*free, *bounds):
+            copy._check_bounds(name)
+        return copy
 
     def with_following(self, names: Sequence[str], *, follow: bool) -> Mechanism:
         """Return a copy in which sizes and places follow others as in the file, or have their own values.
@@ -413,7 +416,7 @@ class Mechanism:
             bool(self._follows[row]), table.against[row],
         )  # fmt: skip
 
-    def _check_bounds(self, name: str, value: float | None) -> None:
+    def _check_bounds(self, name: str, value: float | None = None) -> None:
         """Raise unless a parameter's value, or the one that it is to have, lies within its bounds."""
         p = self.parameter(name)
         value = p.value if value is None else float(value)

@@ -61,8 +61,8 @@ def drawn(fit: Fit, count: int, *, seed: int = 0, response: Response | None = No
         The mechanisms; fewer where some were not found, none where the fit has no covariance.
 
     Raises:
-        SettingsError: From deeper down: the number or the seed is no whole number or less than 0, or there
-            are to be more than 100.
+        SettingsError: From deeper down: the number or the seed is no whole number or less than 0, or the
+            number is above 100.
 
     Example:
         ``[monodyn.write_mjcf(one, f"{k}.xml") for k, one in enumerate(drawn(fit, 20))]``

@@ -259,6 +259,10 @@ def check_value(name: str, value: float) -> None:
             f"parameter '{name}': expected a place within {FARTHEST:g} {unit} of the mechanism, got "
             f"{value:g}; correct it."
         )
+    if name == "camera.roll" and abs(value) > 2.0 * math.pi:
+        raise SettingsError(
+            f"parameter '{name}': expected an angle within a turn, got {value:g} rad; give it in radians."
+        )
     if name in ("camera.pitch", "camera.yaw") and abs(value) >= math.pi / 2:
         raise SettingsError(
             f"parameter '{name}': expected less than a quarter turn, got {value:g} rad; "
