@@ -182,7 +182,7 @@ def _said(hint: Any) -> str:
 
 
 def kind_of(value: object) -> str:
-    """Say what a value is: itself where it is short, else its type.
+    """Return what a value is, for a message: itself where it is short, else its type.
 
     Args:
         value: Anything.
