@@ -110,8 +110,9 @@ class Identifier:
         self.cut, self._seen = Cut(float(found.poses.time[0])), float(found.poses.time[-1])
         self._moved = np.nanstd(found.poses.position, axis=0)
         self._take_up(Reviewed(found.fit, begun.horizon, float(found.poses.time[-1])))
-        for row in range(0 if begun.later is None else len(begun.later)):
-            self._recorded(begun.later[row : row + 1])
+        if begun.later is not None:
+            for row in range(len(begun.later)):
+                self._recorded(begun.later[row : row + 1])
         self._begun, self.estimate = self._seen, begun.estimate
 
     def take(self, pose: Poses, *, broken: bool = False) -> None:
