@@ -179,14 +179,21 @@ def test_a_frame_that_is_no_picture_is_refused():
             Frame(*given)
     with refuses(VideoError, "Frame.time: expected a finite time stamp, got nan; give another."):
         Frame(0, np.nan, grey)
-    for given, got in (
-        ((grey[None],), "luma: expected a uint8 array (row, column), got uint8 (1, 48, 64)"),
-        ((grey / 2,), "luma: expected a uint8 array (row, column), got float64 (48, 64)"),
-        (([[1, 2]],), "luma: expected a uint8 array (row, column), got a value of type list"),
-        ((grey, (grey[0], grey)), "chroma: expected a uint8 array (row, column), got uint8 (64,)"),
+    for luma in (grey[None], grey / 2):
+        kind, shape = luma.dtype, luma.shape
+        with refuses(
+            VideoError,
+            f"Frame.luma: expected a uint8 array (row, column), got {kind} {shape}; give another.",
+        ):
+            Frame(0, 0.0, luma)
+    for luma, chroma, name, got in (
+        ([[1, 2]], None, "luma", "a value of type list"),
+        (grey, (grey[0], grey), "chroma", "uint8 (64,)"),
     ):
-        with refuses(VideoError, f"Frame.{got}; give another."):
-            Frame(0, 0.0, *given)
+        with refuses(
+            VideoError, f"Frame.{name}: expected a uint8 array (row, column), got {got}; give another."
+        ):
+            Frame(0, 0.0, luma, chroma)
 
 
 @pytest.mark.parametrize("roll", [np.inf, -np.inf, np.nan, 1e308, 90.0])

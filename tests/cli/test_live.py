@@ -103,9 +103,9 @@ def test_a_standard_input_that_is_closed_and_a_number_of_no_camera_are_one_line(
     for words, message in (
         (("-", "--live.size", "64,48"), "source '-': expected raw frames on the standard input, got one "
          "that is closed; send them through a pipe."),
-        (("99999999999999999999",), "camera: expected a number from 0 to 99, got a larger one; give "
+        (("99999999999999999999",), "camera: expected a number from 0 to 99, got a longer one; give "
          "another."),
-        (("9" * 5000,), "camera: expected a number from 0 to 99, got a larger one; give another."),
+        (("9" * 5000,), "camera: expected a number from 0 to 99, got a longer one; give another."),
         (("²",), "clip '²': expected a video file or a folder of pictures, found nothing; check the path."),
         (("٣",), "clip '٣': expected a video file or a folder of pictures, found nothing; check the path."),
     ):  # fmt: skip

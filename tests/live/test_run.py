@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import threading
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +14,11 @@ import pytest
 import monodyn
 from monodyn.errors import FitError
 from monodyn.live import begin, recorder, sources
-from monodyn.live.run import follow
+from monodyn.live.identifier import Cut
+from monodyn.live.run import _tracked, follow
 from monodyn.live.settings import LiveSettings
+from monodyn.settings import RunSettings
+from monodyn.types import Poses
 from streamed import SMALL, frames
 from support import refuses
 
@@ -89,6 +94,33 @@ def test_what_was_touched_and_what_was_not_recorded_is_said(filmed, tmp_path, mo
     assert outcome.document["grade"] != "refused"
 
 
+@pytest.mark.parametrize(
+    ("why", "said"),
+    [
+        ("another motion", "what came before is another motion."),
+        ("stamps", "the time stamps jump there, and no motion goes on across that."),
+        ("unseen", "the mechanism was out of sight before."),
+        ("searching", "those before were not followed, as the search for the mechanism took so long."),
+        ("too fast", "those before were not followed, as they came faster than that."),
+        ("", None),
+    ],
+)
+def test_why_a_fit_begins_later_is_said_as_it_was(why, said):
+    record = Poses(
+        ("joint1",), np.arange(40), np.arange(40) / 30.0, np.zeros((40, 1)), np.ones((40, 1, 1)),
+        np.ones(40, bool),
+    )  # fmt: skip
+    cut = Cut(12 / 30.0, why) if why else Cut(0.0)
+    session: Any = SimpleNamespace(
+        found=SimpleNamespace(scene=SimpleNamespace(doubt=None)), source=SimpleNamespace(video=None),
+        identifier=SimpleNamespace(record=SimpleNamespace(whole=record), cut=cut), recorded=None,
+    )  # fmt: skip
+    video: Any = SimpleNamespace(count=40, times=record.time)
+    _, span = _tracked(session, video, LiveSettings(), RunSettings(), None)
+    assert span.notes == (() if said is None else (f"Fitted are the frames from 12 on: {said}",))
+    assert span[:2] == (12 if why else 0, 40)
+
+
 @pytest.fixture
 def missed(tmp_path, monkeypatch):
     """Follow frames as a clip that does not wait, of which most come while the search takes long."""
@@ -102,7 +134,7 @@ def missed(tmp_path, monkeypatch):
     monkeypatch.setattr(sources, "in_time", lambda frames, closing: frames)
     monkeypatch.setattr(recorder, "WAITING", 1000)
 
-    def following(watched, until, held=begin.MOST_HELD):
+    def following(watched, until, held):
         monkeypatch.setattr(begin, "MOST_HELD", held)
         clip = recorder.Recorder(tmp_path / "clip.mp4")
         for frame in watched:
@@ -120,10 +152,9 @@ def missed(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("held", [begin.MOST_HELD, 5_000_000])
-def test_a_clip_is_fitted_as_one_motion_however_long_the_search_takes(filmed, missed, held):
-    """With all frames in memory, and with room for 60 of them, after which the clip is read once more."""
-    outcome = missed(filmed[0], 200, held)
+def test_a_clip_is_fitted_as_one_motion_however_long_the_search_takes(filmed, missed):
+    """There is room for 60 frames of it: the others are read once more in the end."""
+    outcome = missed(filmed[0], 200, 5_000_000)
     assert not [note for note in outcome.notes if note.startswith("Fitted are")]
     fitted = outcome.document["fitted"][0]
     assert fitted["first"] == pytest.approx(0.0, abs=0.1)

@@ -346,7 +346,7 @@ def test_what_is_no_picture_is_refused():
 
 def test_what_cannot_be_the_number_of_a_camera_is_refused():
     for number, got in (
-        (-1, "-1"), (100, "100"), (10**12, "a larger one"), (-(10**5000), "a smaller one"), ("100", "100"),
+        (-1, "-1"), (100, "100"), (10**12, "a longer one"), (-(10**5000), "a longer one"), ("100", "100"),
         (np.int64(-3), "-3"),
     ):  # fmt: skip
         with refuses(SettingsError, f"camera: expected a number from 0 to 99, got {got}; give another."):

@@ -102,7 +102,7 @@ def open_source(
     settings = settings or LiveSettings()
     if isinstance(source, str) and source == "-":
         return raw_frames(_standard_input(), settings, rate or USUAL_RATE)
-    if isinstance(source, int | Integral) or (isinstance(source, str) and is_whole(source)):
+    if isinstance(source, (int, Integral)) or (isinstance(source, str) and is_whole(source)):
         # Python reads no number of thousands of digits; far fewer are too many here
         return camera(int(source[:DIGITS] if isinstance(source, str) else source), rate)
     if isinstance(source, str) and source.partition("://")[0] in SCHEMES:
@@ -260,7 +260,7 @@ def camera(number: int, rate: float | None) -> Source:
         VideoError: there is no such camera, or it gives no picture.
     """
     if not 0 <= number <= LAST_CAMERA:
-        got = number if abs(number) < MOST_TOLD else "a larger one" if number > 0 else "a smaller one"
+        got = number if abs(number) < MOST_TOLD else "a longer one"
         raise SettingsError(f"camera: expected a number from 0 to {LAST_CAMERA}, got {got}; give another.")
     import cv2
 
