@@ -75,7 +75,7 @@ def check_whole(name: str, value: object, most: int | None = None) -> None:
     Raises:
         SettingsError: ``value`` is no whole number, less than 0, or too large.
     """
-    if not isinstance(value, Integral) or int(value) < 0 or (most is not None and int(value) > most):
+    if not isinstance(value, Integral) or value < 0 or (most is not None and int(value) > most):
         expected = "0 or more" if most is None else f"0 to {most}"
         raise SettingsError(f"{name}: expected {expected}, got {value}; give a whole number.")
 

@@ -339,4 +339,4 @@ def test_a_value_beyond_its_bounds_is_not_computed_with() -> None:
         "parameter 'link1.length': expected a value between 0.0002 and 200 m, got 1e+308; change the value "
         "or the bounds.",
     ):
-        load("double").with_choices(fix={"link1.length": 1e308})
+        load("bob").with_choices(fix={"link1.length": 1e308})

@@ -15,6 +15,7 @@ from controllable import identified as swung
 from fits import identified, record
 from monodyn.cli.parse import parsed
 from monodyn.estimation.fit import Doubt
+from monodyn.estimation.parts import Start
 from monodyn.results import next_steps as next_steps_module
 from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings
@@ -182,9 +183,8 @@ def test_only_a_pole_that_a_cart_moves_is_balanced(tmp_path, gravity, joints, hu
     text = f'<mujoco><option gravity="{gravity}"/><worldbody><body>{joints}</body></worldbody></mujoco>'
     (tmp_path / "made.xml").write_text(text)
     mechanism = monodyn.load(tmp_path / "made.xml")
-    at = np.array([0.0, hung])[-len(mechanism.joints) :]
-    still = np.zeros(len(at))
-    start = replace(identified().starts[0], position=at, velocity=still, covariance=np.eye(2 * len(at)))
+    position = np.array([0.0, hung])[-len(mechanism.joints) :]
+    start = Start(0.0, position, 0.0 * position, np.zeros((2 * len(position),) * 2))
     steps = next_steps_module._balanced(replace(identified(), mechanism=mechanism, starts=(start,)))
     assert [step.command for step in steps] == (
         [] if upright is None else [f"monodyn control . --at turn={upright:g} --actuated x --out control"]
