@@ -29,6 +29,8 @@ EXTRAS = {
     "waitress": ("live",),
 }
 """What only extras need."""
+INTERNAL = {"bench", "dev", "test-clients"}
+"""Extras for those who work on the program."""
 SCIPY = {
     "optimize/bfgs.py", "optimize/evolution.py", "paper/starts.py", "paper/pose_series.py", "settings.py",
     "results/caveats.py", "results/regulator.py", "results/shot.py", "results/swing.py",
@@ -70,6 +72,25 @@ def test_what_only_extras_need_is_in_them(name: str) -> None:
         EXTRAS[name]
     )
     assert set(EXTRAS[name]) <= set(re.findall(r"\w+", extras["dev"][0]))
+
+
+BUILDING = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
+
+
+def test_versions_are_minima() -> None:
+    extras = PROJECT["optional-dependencies"]
+    stated = [
+        *BUILDING,
+        *PROJECT["dependencies"],
+        *(one for name in set(extras) - {"dev"} for one in extras[name]),
+    ]
+    assert [each for each in stated if not re.fullmatch(r"[\w.-]+(\[\w+\])?>=[\d.]+", each)] == []
+
+
+def test_the_pages_on_installing_name_every_package_and_extra() -> None:
+    text = (ROOT / "docs" / "installing.md").read_text(encoding="utf-8")
+    said = set(re.findall(r"^\| `?([\w-]+)", text, re.MULTILINE))
+    assert declared(PROJECT["dependencies"]) | set(PROJECT["optional-dependencies"]) - INTERNAL <= said
 
 
 def test_scipy_is_needed_by_extras_alone() -> None:

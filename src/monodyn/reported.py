@@ -43,7 +43,8 @@ def report(
     """Write the results of a fit into a folder: tables, the identified mechanism, the report page.
 
     The grade in the files contains what the frames after the fitted ones say, or, where hardly any are left,
-    the last fifth, predicted by a fit to the rest: one more identification.
+    the last fifth, predicted by a fit to the rest: one more identification. There is no ``run.toml`` in the
+    folder: no command makes the fit of a program again.
 
     Args:
         fit: The fit.

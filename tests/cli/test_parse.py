@@ -160,7 +160,8 @@ def test_help_is_an_exit_code() -> None:
 
 
 @pytest.mark.parametrize(
-    "words", [["--help"], ["run", "--help-all"], ["live", "--help"], ["models", "--help"]]
+    "words",
+    [["--help"], ["run", "--help-all"], ["live", "--help"], ["models", "--help"], ["completion", "bash"]],
 )
 def test_help_loads_nothing_heavy(words: list[str]) -> None:
     heavy = ("numpy", "scipy", "numba", "mujoco", "cv2", "av", "jinja2")
