@@ -212,9 +212,8 @@ def _said(hint: Any) -> str:
 
 def _kind(value: Any) -> str:
     """Say what a value is: itself where it is short, else its type."""
-    shown = isinstance(value, str | Real) and len(repr(value)) <= 40
-    if shown or value is None:
-        return f"{value!r}"
-    if type(value).__name__ == "ndarray":
+    name = type(value).__name__
+    if name == "ndarray":
         return f"an array of shape {value.shape} and type {value.dtype}"
-    return f"a value of type {type(value).__name__}"
+    shown = isinstance(value, str | Real) and len(repr(value)) <= 40
+    return f"{value!r}" if shown or value is None else f"a value of type {name}"
