@@ -61,7 +61,7 @@ KNOWN = "joints: 'joint1', 'joint2'."
         (
             ("time,joint1,Joint2", "0,1,1", "1,1,1"),
             "torques.csv: column 'Joint2' is of no joint of the mechanism; name it as its joint, or leave it "
-            "out; did you mean 'joint2' or 'joint1'?",
+            "out; did you mean 'joint2'?",
         ),
         (
             ("time,joint1,joint1", "0,1,1", "1,1,1"),

@@ -317,12 +317,16 @@ def test_a_mechanism_says_in_one_line_what_it_is() -> None:
     assert f"{len(single.parameters) - listed} parameters of value 0 not listed." in found
 
 
-@pytest.mark.parametrize("wrong", ["x", b"", None, np.array([1.0]), [], True])
-def test_a_value_is_a_number(wrong: object) -> None:
+@pytest.mark.parametrize(
+    ("wrong", "got"),
+    [
+        ("x", "'x'"), (b"", "a value of type bytes"), (None, "None"), ([], "a value of type list"),
+        (np.array([1.0]), "an array of shape (1,) and type float64"), (True, "True"),
+    ],
+)  # fmt: skip
+def test_a_value_is_a_number(wrong: object, got: str) -> None:
     with refuses(
-        SettingsError,
-        "with_values: expected values to be Mapping of a text and a number, got a value of type dict; give "
-        "another.",
+        SettingsError, f"with_values: expected values['gravity'] to be a number, got {got}; give another."
     ):
         load("single").with_values({"gravity": wrong})  # type: ignore[dict-item]
 
