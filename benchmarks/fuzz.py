@@ -132,7 +132,12 @@ def main() -> int:
         with ThreadPoolExecutor(options.jobs) as threads:
             jobs = [threads.submit(_in_time, ends, kind, seed, good, home) for kind, seed in cases]
             for job in jobs:
-                found = job.result()
+                try:
+                    found = job.result()
+                except BaseException:
+                    # a case that cannot be made ends it all at once, not when the others are done
+                    threads.shutdown(wait=False, cancel_futures=True)
+                    raise
                 if found is None:
                     continue
                 results.append(found)

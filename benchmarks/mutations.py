@@ -23,7 +23,7 @@ ODD_NUMBERS = (
 )  # fmt: skip
 """What may stand in the place of a number."""
 ODD_NAMES = (
-    "a b.mp4", "ü-π-漢.mp4", "-dash.mp4", "quote'\".mp4", "percent%d.mp4", "[bold]x[/].mp4",
+    "a b.mp4", "ü-π-漢.mp4", "-dash.mp4", "quote'\".mp4", "percent%d.mp4", "[bold]x[red].mp4",
     "line\nbreak.mp4", "x" * 200 + ".mp4", "noextension", "clip.txt", "clip.MOV", "clip%03d.png",
 )  # fmt: skip
 """Names of a file."""

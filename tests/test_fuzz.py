@@ -9,12 +9,19 @@ from pathlib import Path
 import pytest
 
 import fuzz
+import mutations
 
 
 def test_draws_the_same_cases_again() -> None:
     kinds = tuple(fuzz.KINDS)
     assert list(fuzz.drawn_cases(40, 3, kinds)) == list(fuzz.drawn_cases(40, 3, kinds))
     assert {kind for kind, _ in fuzz.drawn_cases(400, 0, kinds)} == set(kinds)
+
+
+def test_odd_names_are_names_of_files(tmp_path: Path) -> None:
+    for name in mutations.ODD_NAMES:
+        (tmp_path / name).write_text("", encoding="utf-8")
+    assert len(list(tmp_path.iterdir())) == len(mutations.ODD_NAMES)
 
 
 @pytest.mark.parametrize(
