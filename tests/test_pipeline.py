@@ -346,7 +346,7 @@ def test_ctrl_c_keeps_what_was_finished(
     monkeypatch.setattr(pipeline, "identify", interrupt)
     done = command("run", clip, "--model", "single", "--out", out, "--quiet")
     assert done.code == 130
-    assert done.err == f"monodyn: interrupted; what was finished is in '{out}'.\n"
+    assert done.err == f"monodyn: interrupted; what was finished is in '{out}', which --force replaces.\n"
     assert sorted(path.name for path in out.iterdir()) == ["poses.csv", "run.json", "run.toml"]
     log = json.loads((out / "run.json").read_text())
     assert (log["status"], log["files"]) == ("interrupted", ["poses.csv", "run.toml"])

@@ -411,7 +411,7 @@ def test_bad_usage(
 )
 def test_a_message_has_at_most_300_letters_whatever_was_given(given: str, shown: str) -> None:
     message = refused("run", CLIP, "--model", MODEL, "--out", "o", "--free", given)
-    assert len(message) <= 300
+    assert len(f"monodyn: {message}") <= 300
     assert message.startswith(f"parameter {shown}")
     assert message.endswith(" more.")
 

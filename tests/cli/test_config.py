@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -197,6 +198,26 @@ def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
     path.write_bytes(b"\xff")
     refused(path, f"config '{path}': expected TOML, got an error: no UTF-8 text; correct it.")
     refused("", "run: --config: expected a name, got an empty one; give one.")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="has neither devices nor pipes as files")
+def test_what_has_no_end_is_no_settings_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("/dev/zero", str(tmp_path / "pipe")):
+        said = f"config '{name}': expected a settings file, got a device or pipe; name a file."
+        with refuses(SettingsError, said):
+            parsed("run", ["--config", name])
+
+
+def test_a_settings_file_has_an_end_and_a_bottom(tmp_path: Path) -> None:
+    path = tmp_path / "long.toml"
+    path.write_text("# long\n" * 200_000, encoding="utf-8")
+    with refuses(SettingsError, f"config '{path}': expected at most 1 MB of settings, got more; shorten it."):
+        parsed("run", ["--config", str(path)])
+    path.write_text(f"a = {'[' * 5000}{']' * 5000}", encoding="utf-8")
+    said = f"config '{path}': expected TOML, got an error: too many brackets in one another; correct it."
+    with refuses(SettingsError, said):
+        parsed("run", ["--config", str(path)])
 
 
 def test_commands_without_inputs_take_no_file() -> None:

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import math
+import os
 import re
+import subprocess
+import sys
+from pathlib import Path
 from typing import Literal, get_args, get_origin
 
 import pytest
@@ -82,10 +88,31 @@ def test_what_is_usual_and_what_is_required_is_said() -> None:
 
 
 def test_the_list_of_commands_is_whole() -> None:
-    listed_there = re.findall(r"^  (\w+)  +[a-z]", HELP, re.MULTILINE)
+    listed_there = re.findall(r"^  ([a-z]+)  +[a-z]", HELP, re.MULTILINE)
     assert listed_there == list(COMMANDS)
 
 
 def test_help_is_shown_whatever_else_is_there() -> None:
     for words in (["--bogus", "--help"], ["--help", "--out"], ["clip.mp4", "-h"]):
         assert page("run", *words).startswith("Usage: monodyn run")
+
+
+def test_help_without_docstrings_is_refused() -> None:
+    done = subprocess.run(
+        [sys.executable, "-OO", "-m", "monodyn", "run", "--help"], capture_output=True, text=True
+    )
+    said = "python -OO: expected docstrings, which the help is made of, got none; leave -OO out."
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"monodyn: {said}\n")
+
+
+@pytest.mark.slow
+def test_a_way_of_drawing_that_is_not_there_is_no_obstacle(tmp_path: Path) -> None:
+    """MuJoCo draws nothing for us, and must not be kept from being loaded by how it would."""
+    log = tmp_path / "swing.csv"
+    log.write_text("time,joint1\n" + "".join(f"{k / 30},{math.sin(k / 5)}\n" for k in range(60)))
+    done = subprocess.run(
+        [sys.executable, "-m", "monodyn", "identify", log, "--model", "single", "--json"],
+        capture_output=True, text=True, env={**os.environ, "MUJOCO_GL": "nonsense"},
+    )  # fmt: skip
+    assert done.returncode in (0, 1), done.stderr
+    assert "rms" in json.loads(done.stdout)

@@ -181,3 +181,8 @@ def test_help_of_a_narrow_terminal_is_there_at_once(
     assert parsed("models", ["--help"]) == 0
     assert "Print the list as JSON." in " ".join(capsys.readouterr().out.split())
     assert os.environ["COLUMNS"] == columns
+
+
+def test_what_follows_two_dashes_is_no_option() -> None:
+    found = parsed("run", ["--free", "camera.focal", "--model", "double", "--out", "run", "--", "-clip.mp4"])
+    assert (found.clip, found.settings.free) == (Path("-clip.mp4"), ("camera.focal",))

@@ -239,23 +239,27 @@ def test_a_second_ctrl_c_does_not_wait_for_it(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends SIGTERM")
+@pytest.mark.parametrize(("name", "code"), [("SIGTERM", 143), ("SIGHUP", 129)])
 def test_sigterm_is_as_ctrl_c(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    name: str, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
+    """So is a terminal that is closed."""
+    number = getattr(signal, name)
+
     def stopped(**_: object) -> None:
         folder = RunFolder(tmp_path / "run")
         with recorded(folder, RunLog("run", {}, {})):
             folder.write_text("poses.csv", "frame")
-            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(number)
 
     monkeypatch.setattr(show, "show_models", stopped)
-    assert main(["models"]) == 143
+    assert main(["models"]) == code
     assert capsys.readouterr().err == (
-        f"monodyn: terminated; what was finished is in '{tmp_path / 'run'}'.\n"
+        f"monodyn: terminated; what was finished is in '{tmp_path / 'run'}', which --force replaces.\n"
     )
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["poses.csv", "run.json"]
     assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "interrupted"
-    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    assert signal.getsignal(number) == signal.SIG_DFL
 
 
 def test_another_error_in_a_callback_is_reported_as_ever() -> None:

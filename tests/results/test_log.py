@@ -71,7 +71,7 @@ def test_an_interruption_says_where_the_files_are(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt) as stop, recorded(folder, log):
         # a kernel that is interrupted raises a SystemError of its own
         raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
-    assert stop.value.args == (f"what was finished is in '{folder.path}'.",)
+    assert stop.value.args == (f"what was finished is in '{folder.path}', which --force replaces.",)
     assert read(folder)["status"] == "interrupted"
     with pytest.raises(KeyboardInterrupt) as stop, recorded(None, log):
         raise KeyboardInterrupt

@@ -4,7 +4,7 @@
 ``table`` makes the options of each command from the settings of a run, ``parse`` reads the words after a
 command into them. The stages themselves check the values; here their errors become one line on the error
 stream and an exit code: 0 done, 1 the fit is not to be trusted, 2 bad input or usage, 70 an error that nobody
-foresaw, 130 interrupted, 143 ended by SIGTERM.
+foresaw, 129 its terminal was closed, 130 interrupted, 143 ended by SIGTERM.
 """
 
 from __future__ import annotations
@@ -45,8 +45,14 @@ Examples:
 
 monodyn COMMAND --help shows the options of a command that most people need, --help-all all of them.
 
-Exit codes: 0 done; 1 the fit is not to be trusted; 2 bad input or usage; 70 an error of Monodyn
-itself; 130 interrupted; 143 ended by SIGTERM.
+Exit codes:
+  0   done
+  1   the fit is not to be trusted
+  2   bad input or usage
+  70  an error of Monodyn itself
+  129 the terminal was closed
+  130 interrupted
+  143 ended by SIGTERM
 """
 
 SIGNALLED = 128
@@ -80,6 +86,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(words: list[str]) -> int:
     # the matrices are small: more threads only wait for each other, and numpy reads this when it is loaded
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # MuJoCo draws nothing here, and a way of drawing that this machine lacks would keep it from being loaded
+    os.environ.pop("MUJOCO_GL", None)
+    if sys.flags.optimize > 1:
+        _fail("python -OO: expected docstrings, which the help is made of, got none; leave -OO out.")
+        return 2
     from monodyn.cli.streams import never_lost
     from monodyn.errors import FitError, MonodynError, is_interrupt, is_unforeseen
 
@@ -105,7 +116,7 @@ def _main(words: list[str]) -> int:
 
 
 def _interrupted(said: str = "nothing was written.", number: int = INTERRUPT) -> int:
-    """Say that Ctrl-C was pressed, or SIGTERM was sent, and what there is; return the exit code."""
+    """Say that Ctrl-C was pressed, or another signal sent, and what there is; return the exit code."""
     _fail(f"{'interrupted' if number == INTERRUPT else 'terminated'}; {said}")
     return SIGNALLED + number
 
@@ -127,7 +138,7 @@ def _unforeseen(error: Exception) -> int:
 def _dispatch(words: list[str]) -> int:
     from monodyn.cli.streams import keep_compiled, printing
 
-    if not words or words[0] in ("-h", "--help", "help", "-V", "--version"):
+    if not words or words[0] in ("-h", "--help", "--help-all", "help", "-V", "--version"):
         import monodyn
         from monodyn.cli.pages import fitted
 
@@ -161,8 +172,10 @@ def _dispatch(words: list[str]) -> int:
     return options if isinstance(options, int) else options.go()
 
 
-MOST_LETTERS = 300
-"""Letters of a message, at most."""
+NAME = "monodyn: "
+"""What a message begins with."""
+MOST_LETTERS = 300 - len(NAME)
+"""Letters of what follows, at most."""
 
 
 def _fail(message: str) -> None:
@@ -173,4 +186,4 @@ def _fail(message: str) -> None:
         words = [short(word, longest) for word in message.split()]
         if len(line := " ".join(words)) <= MOST_LETTERS:
             break
-    print(f"monodyn: {short(line, MOST_LETTERS)}", file=sys.stderr)
+    print(f"{NAME}{short(line, MOST_LETTERS)}", file=sys.stderr)

@@ -15,6 +15,9 @@ from monodyn.errors import SettingsError
 from monodyn.names import known, meant, near, near_files
 from monodyn.results.run_toml import is_no_file
 
+LARGEST = 1_000_000
+"""Bytes of a settings file, at most."""
+
 
 def read_config(file: str | Path, command: str, options: Sequence[Option]) -> dict[str, Any]:
     """Return what a settings file gives, by the names of options, as ``Notation.items`` does of words.
@@ -54,7 +57,11 @@ def read_config(file: str | Path, command: str, options: Sequence[Option]) -> di
 
 def _document(path: Path) -> dict[str, Any]:
     """Return what is in a TOML file."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise SettingsError(f"config '{path}': expected a settings file, got a device or pipe; name a file.")
     try:
+        if path.stat().st_size > LARGEST:
+            raise SettingsError(f"config '{path}': expected at most 1 MB of settings, got more; shorten it.")
         # some editors begin a text with a mark of its encoding, and end lines as Windows does
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
@@ -62,8 +69,9 @@ def _document(path: Path) -> dict[str, Any]:
         raise SettingsError(
             f"config '{path}': expected a settings file, got '{error.strerror}'; {end or 'check the path.'}"
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        why = str(error) if isinstance(error, tomllib.TOMLDecodeError) else "no UTF-8 text"
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        why = {UnicodeDecodeError: "no UTF-8 text", RecursionError: "too many brackets in one another"}
+        why = why.get(type(error), str(error))
         raise SettingsError(f"config '{path}': expected TOML, got an error: {why}; correct it.") from None
 
 

@@ -75,6 +75,10 @@ def split(command: str, options: Sequence[Option], words: Sequence[str]) -> Give
     odd, rest = [], list(words)
     while rest:
         word = rest.pop(0)
+        if word == "--" and alone:
+            # what follows are no options, whatever they begin with
+            given.setdefault(alone[0], []).extend(rest)
+            break
         name = word.partition("=")[0].replace("_", "-")
         if name in named and _is_option(word):
             taken = _taken(command, named[name], word, rest)

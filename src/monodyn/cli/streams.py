@@ -28,7 +28,12 @@ SPELLINGS = {"−": "-", "–": "-", "±": "+-", "×": "x", "∞": "inf"}
 """Letters that numbers are written with, in those that every stream can encode."""
 SOON = 0.05
 """How much later a Ctrl-C comes again that may have been lost [s]."""
-ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+ENDING = {
+    signal.SIGINT: signal.default_int_handler,
+    signal.SIGTERM: signal.SIG_DFL,
+    # the terminal was closed; Windows has no such signal
+    **({signal.SIGHUP: signal.SIG_DFL} if hasattr(signal, "SIGHUP") else {}),
+}
 """Signals that end the program, and what Python does at each unless somebody else has taken it."""
 
 
@@ -219,8 +224,9 @@ class _Presses:
         if self.ours and issubclass(lost.exc_type, KeyboardInterrupt):
             self.dropped = True
             self.doubtful.put(True)
-        else:
+        elif not self.came:
             self._usual(lost)
+        # after the end was asked for, what libraries drop while they are let go tells nobody anything
 
 
 def _send(number: int) -> None:

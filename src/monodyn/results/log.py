@@ -170,8 +170,11 @@ def recorded(folder: RunFolder | None, log: RunLog) -> Iterator[RunLog]:
             _record_failure(folder, log, error, interrupted)
         if interrupted:
             place = None if folder is None else folder.stage
-            kept = place is not None and place.is_dir()
-            raise KeyboardInterrupt(*([f"what was finished is in '{place}'."] if kept else [])) from error
+            said = []
+            if place is not None and place.is_dir():
+                fresh = folder is not None and place == folder.path
+                said = [f"what was finished is in '{place}'{', which --force replaces' if fresh else ''}."]
+            raise KeyboardInterrupt(*said) from error
         raise
     finally:
         if folder is not None:
