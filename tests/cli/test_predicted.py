@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -40,6 +41,16 @@ def test_the_table_has_half_the_width_of_the_band_and_says_so(run):
     assert f"± {half[0]:.2g} " in rows[0]
     assert f"± {half[-1]:.2g} " in rows[-2]
     assert rows[-1] == "± half the width of the 95 % band"
+
+
+def test_the_rows_of_the_table_are_evenly_apart(run):
+    for until in (0.04, 2, 2.63):
+        done = command("predict", run, "--from", "joint1=0.5", "--until", until)
+        times = [float(found) for found in re.findall(r"^ *([0-9.]+) s ", done.out, re.MULTILINE)]
+        steps = np.diff(times)
+        assert 2 <= len(times) <= 11
+        assert steps[:-1] == pytest.approx(steps[0], abs=2e-3)
+        assert steps[-1] <= steps[0] + 2e-3
 
 
 def test_json_alone_is_printed_and_commas_may_stand_between_joints(run):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -97,7 +98,9 @@ def _print(found: Predicted, tolerance: Tolerance) -> None:
 
     states, joints = found.states, found.fit.mechanism.joints
     table = plain_table("time", *(f"{joint.name} [{shown_in(joint)[1]}]" for joint in joints))
-    for row in np.unique(np.linspace(0, len(states.time) - 1, SHOWN_ROWS).astype(int)):
+    last = len(states.time) - 1
+    # evenly, but for the last one
+    for row in [*range(0, last, max(1, math.ceil(last / (SHOWN_ROWS - 1)))), last]:
         cells = [f"{states.time[row]:.3f} s"]
         for dof, joint in enumerate(joints):
             scale = shown_in(joint)[0]
