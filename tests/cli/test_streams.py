@@ -389,3 +389,20 @@ def test_only_what_the_system_says_of_a_file_or_of_its_limits_is_foreseen(
     assert done.code == code
     assert done.err.startswith(f"monodyn: {said}")
     assert done.err.count("\n") == 1
+
+
+def test_who_waits_for_the_compiler_is_told(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = "monodyn: functions are compiled at first use, which takes minutes once; monodyn warm does it beforehand.\n"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    for terminal, quiet, compiled, told in (
+        (True, False, False, said), (False, False, False, ""), (True, True, False, ""), (True, False, True, "")
+    ):  # fmt: skip
+        if compiled:
+            (tmp_path / "mechanism").mkdir()
+            (tmp_path / "mechanism" / "planar.rollouts-1.py311.nbi").touch()
+        assert streams.compiled_before() is compiled
+        monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal, raising=False)
+        assert main(["predict", str(tmp_path / "missing"), *(["--quiet"] if quiet else [])]) == 2
+        assert capsys.readouterr().err.startswith(told or "monodyn: '")

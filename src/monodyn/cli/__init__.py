@@ -136,7 +136,7 @@ def _unforeseen(error: Exception) -> int:
 
 
 def _dispatch(words: list[str]) -> int:
-    from monodyn.cli.streams import keep_compiled, printing
+    from monodyn.cli.streams import compiled_before, keep_compiled, printing
 
     if not words or words[0] in ("-h", "--help", "--help-all", "help", "-V", "--version"):
         import monodyn
@@ -169,7 +169,13 @@ def _dispatch(words: list[str]) -> int:
 
             print(completion(options.shell), end="")
             return 0
-    return options if isinstance(options, int) else options.go()
+    if isinstance(options, int):
+        return options
+    if not getattr(options, "quiet", True) and sys.stderr.isatty() and not compiled_before():
+        _fail(
+            "functions are compiled at first use, which takes minutes once; monodyn warm does it beforehand."
+        )
+    return options.go()
 
 
 NAME = "monodyn: "

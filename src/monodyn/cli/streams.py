@@ -309,12 +309,7 @@ def keep_compiled() -> str:
     Returns:
         A sentence for the user, or nothing.
     """
-    import monodyn
-
-    # the places that numba tries itself, in its order
-    usual = [Path(monodyn.__file__).parent / "mechanism" / "__pycache__", _user_cache()]
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    if any(_writable(folder) for folder in ([Path(given)] if given else usual)):
+    if any(_writable(folder) for folder in _compiled_places()):
         return ""
     folder = Path(tempfile.gettempdir()) / f"monodyn-{getattr(os, 'getuid', int)()}"
     # the name can be guessed: somebody else may have made the folder to have code run by us
@@ -322,6 +317,23 @@ def keep_compiled() -> str:
         folder = Path(tempfile.mkdtemp(prefix="monodyn-"))
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     return f"no usual folder for compiled functions can be written; they are kept in '{folder}'."
+
+
+def compiled_before() -> bool:
+    """Return whether the functions that simulate, which every computation needs, were compiled before."""
+    return any(next(folder.rglob("planar.*.nbi"), None) for folder in _compiled_places())
+
+
+def _compiled_places() -> list[Path]:
+    """Return the folders for compiled functions, as numba tries them."""
+    import monodyn
+
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    return (
+        [Path(given)]
+        if given
+        else [Path(monodyn.__file__).parent / "mechanism" / "__pycache__", _user_cache()]
+    )
 
 
 def _user_cache() -> Path:
