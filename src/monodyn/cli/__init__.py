@@ -172,9 +172,7 @@ def _dispatch(words: list[str]) -> int:
     if isinstance(options, int):
         return options
     if not getattr(options, "quiet", True) and sys.stderr.isatty() and not compiled_before():
-        _fail(
-            "functions are compiled at first use, which takes minutes once; monodyn warm does it beforehand."
-        )
+        _fail("functions are compiled at first use, which takes minutes; monodyn warm does it beforehand.")
     return options.go()
 
 
