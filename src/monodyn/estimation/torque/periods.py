@@ -16,6 +16,7 @@ from monodyn.estimation.record.samples import Data
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.estimation.shooting.accelerations import (
+    MOST_PAUSES,
     SmoothMotion,
     mismatch_rows,
     smooth_motion,
@@ -37,8 +38,6 @@ CORRELATED = 4.0
 """Accelerations of smoothed motion share their neighbours' samples: this many count as one."""
 SCANNED_TERMS = tuple(range(1, USUAL_TERMS + 1))
 """Harmonics that the scan tries when their number is open."""
-MOST_PAUSES = 10.0
-"""Length of a record over what its rows cover at their usual pace, up to which its pauses count."""
 LONGEST_SPAN = 4.0
 """Periods up to this many times the record are compared with the best one that it shows more than once."""
 MARGIN = 10.0
