@@ -116,3 +116,9 @@ def test_a_way_of_drawing_that_is_not_there_is_no_obstacle(tmp_path: Path) -> No
     )  # fmt: skip
     assert done.returncode in (0, 1), done.stderr
     assert "rms" in json.loads(done.stdout)
+
+
+def test_a_program_that_calls_the_command_keeps_its_way_of_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    assert command("models").code == 0
+    assert os.environ["MUJOCO_GL"] == "egl"

@@ -75,6 +75,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         from monodyn.cli.streams import alone, safe
 
+        if argv is None:
+            # MuJoCo draws nothing here, and a way of drawing that this machine lacks would keep it from being
+            # loaded; a program that calls us may draw with it
+            os.environ.pop("MUJOCO_GL", None)
         # whoever calls us in a process of their own wants to hear what libraries say
         with alone() if argv is None else nullcontext(), safe():
             return _main(list(sys.argv[1:] if argv is None else argv))
@@ -86,8 +90,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(words: list[str]) -> int:
     # the matrices are small: more threads only wait for each other, and numpy reads this when it is loaded
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # MuJoCo draws nothing here, and a way of drawing that this machine lacks would keep it from being loaded
-    os.environ.pop("MUJOCO_GL", None)
     if sys.flags.optimize > 1:
         _fail("python -OO: expected docstrings, which the help is made of, got none; leave -OO out.")
         return 2

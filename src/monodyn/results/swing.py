@@ -195,23 +195,33 @@ def swing_up(
             if best is not None and (best.reached == len(others) or found >= WAYS):
                 return best
     if best is None:
-        tried_times = ", ".join(
-            dict.fromkeys(f"{_each(x, regulator.rate) * KNOTS / regulator.rate:.2g}" for x in lasting)
-        )
-        said = ", ".join(f"{name}={x:.3g}" for name, x in zip(regulator.actuated, most, strict=True))
-        ways = ", ".join(
-            f"{joint.name}={low:g}:{high:g}"
-            for joint, low, high in zip(mechanism.joints, lower, upper, strict=True)
-            if np.isfinite(low) or np.isfinite(high)
-        )
-        room = f" and the positions {ways}" if ways else ""
-        often = "measure more often (--rate) or " if _seldom(regulator, lasting) else ""
-        raise SettingsError(
-            f"swing_up: expected a way up within the torques {said}{room}, but found none in {tried_times} "
-            f"s at {regulator.rate:g} measurements a second; {often}give larger limits, more room, or "
-            "another time."
-        )
+        raise _no_way(mechanism, regulator, lasting, most, (lower, upper))
     return best
+
+
+def _no_way(
+    mechanism: Mechanism,
+    regulator: Regulator,
+    lasting: Sequence[float],
+    limit: np.ndarray,
+    ranges: tuple[np.ndarray, np.ndarray],
+) -> SettingsError:
+    """Return the complaint that no way up was found, with what it was looked for within."""
+    times = ", ".join(
+        dict.fromkeys(f"{_each(x, regulator.rate) * KNOTS / regulator.rate:.2g}" for x in lasting)
+    )
+    said = ", ".join(f"{name}={x:.3g}" for name, x in zip(regulator.actuated, limit, strict=True))
+    ways = ", ".join(
+        f"{joint.name}={low:g}:{high:g}"
+        for joint, low, high in zip(mechanism.joints, *ranges, strict=True)
+        if np.isfinite(low) or np.isfinite(high)
+    )
+    room = f" and the positions {ways}" if ways else ""
+    often = "measure more often (--rate) or " if _seldom(regulator, lasting) else ""
+    return SettingsError(
+        f"swing_up: expected a way up within the torques {said}{room}, but found none in {times} s at "
+        f"{regulator.rate:g} measurements a second; {often}give larger limits, more room, or another time."
+    )
 
 
 def hanging(mechanism: Mechanism, near: np.ndarray) -> np.ndarray:
