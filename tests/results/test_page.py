@@ -101,5 +101,6 @@ def test_a_refused_fit_is_not_called_known_and_fills_nothing() -> None:
     for one, known in ((fit, True), (fit.doubted([Doubt("refused", "It is another mechanism.")]), False)):
         text = page_text(Findings(one, [trace_of(one, first)], "x"))
         assert ("What is known, and how well" in text) is known
+        assert ("These combinations" in text or "What is not known" in text) <= known
         assert ("neither values nor intervals are to be relied on" in text) is not known
         assert ('"filled": null' in text or '"filled":null' in text) is not known

@@ -35,12 +35,6 @@ class Step(NamedTuple):
     command: str = ""
 
 
-DRIVEN = Step(
-    "Where a motor drives it, give what it was driven with: a log of times and torques, with --torques FILE"
-)
-"""What may be wrong with any motion that is refused."""
-
-
 def next_steps(findings: Findings) -> list[Step]:
     """Return what one can do with an identified mechanism, or about one that was refused.
 
@@ -79,21 +73,25 @@ def _refused(findings: Findings) -> list[Step]:
     filmed, log = findings.filmed, findings.log
     name = "" if log is None else log.inputs.get("model", {}).get("name", "")
     model = _named(name) if name else "MODEL"
+    again = f"identify again.csv --model {model}" if filmed is None else f"run again.mp4 --model {model}"
     # a fit with known torques was given what drives it
-    driven = [] if findings.fit.torque == "known" else [DRIVEN]
+    driven = [] if findings.fit.torque == "known" else [
+        Step("Where a motor drives it, give a log of times and torques with the record",
+             f"monodyn {again} --torques torques.csv --out again")
+    ]  # fmt: skip
     if filmed is None:
         return [
             Step("Look at the residuals in the plots of this page: where they grow, or repeat, the model "
                  "lacks something, or what was measured is wrong"),
             Step("Measure another record, of a larger motion or with another model, and identify it",
-                 f"monodyn identify again.csv --model {model} --out again"),
+                 f"monodyn {again} --out again"),
             *driven,
         ]  # fmt: skip
     picture = "overlay.mp4" if filmed.sight is None else "diagnosis.png"
     return [
         Step(f"Look at {picture}: the outline has to lie on the mechanism, and on nothing else that moves"),
         Step("Film it again, as docs/filming.md shows it, or give another model, and run it",
-             f"monodyn run again.mp4 --model {model} --out again"),
+             f"monodyn {again} --out again"),
         *driven,
     ]  # fmt: skip
 
