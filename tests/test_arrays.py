@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import monodyn
-from monodyn.arrays import frozen, increasing, plain
-from monodyn.errors import MonodynError, SettingsError
+from monodyn.arrays import check_unbroken, frozen, increasing, plain
+from monodyn.errors import MonodynError, SettingsError, VideoError
 from monodyn.mechanism.simulate import rollout
 from monodyn.types import Poses
 from support import refuses
@@ -40,6 +40,20 @@ def test_times_increase_and_are_finite() -> None:
         increasing("t", np.array([0.0, np.nan]))
     with refuses(MonodynError, "t: must increase, but sample 2 is 0.5 s after 1 s."):
         increasing("t", np.array([0.0, 1.0, 0.5]))
+
+
+def test_a_record_of_pauses_is_no_record_of_one_motion() -> None:
+    time = 0.05 * np.arange(40)
+    for pauses in ((), ((10, 1.0),), ((10, 9.0), (30, 9.0))):
+        check_unbroken("record 0", time + sum(wait * (np.arange(40) > row) for row, wait in pauses))
+    for one in (time[:1], time[:0]):
+        check_unbroken("record 0", one)
+    with refuses(
+        VideoError,
+        "record 0: expected rows that follow each other, got pauses of 25 s between rows of 1.95 s, the "
+        "longest after 6 s; give what comes before and after a pause as records of their own.",
+    ):
+        check_unbroken("record 0", time + 5.0 * (np.arange(40) > 10) + 20.0 * (np.arange(40) > 20))
 
 
 def test_plain_is_a_view_where_it_can_be() -> None:

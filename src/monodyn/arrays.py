@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from monodyn.errors import MonodynError
+from monodyn.errors import MonodynError, VideoError
 
 WILD = 1e30
 """Largest number of a record; powers of larger ones go beyond what the arithmetic can hold."""
 SHORTEST = 1e-9
 """Shortest time between two rows of a record [s]."""
+MOST_PAUSES = 10.0
+"""Time without rows over what the rows of a record cover at their usual pace, above which it is refused: its
+phase is not known after that, and simulating it would take most of the time."""
 
 
 def frozen(
@@ -129,6 +132,29 @@ def clock(where: str, times: np.ndarray, *, error: type[MonodynError] = MonodynE
             "between them; give the times in seconds."
         )
     return times
+
+
+def check_unbroken(where: str, times: np.ndarray) -> None:
+    """Refuse a record that consists of pauses for the most part.
+
+    Args:
+        where: Name of the record, for the message.
+        times: Its time stamps [s], increasing, (row,).
+
+    Raises:
+        VideoError: Its pauses are so long that it is no record of one motion.
+    """
+    steps = np.diff(times)
+    if not len(steps):
+        return
+    covered, longest = float(np.median(steps)) * len(steps), int(np.argmax(steps))
+    pauses = float(steps.sum()) - covered
+    if pauses > MOST_PAUSES * covered:
+        raise VideoError(
+            f"{where}: expected rows that follow each other, got pauses of {pauses:.4g} s between rows of "
+            f"{covered:.4g} s, the longest after {times[longest]:.6g} s; give what comes before and after a "
+            "pause as records of their own."
+        )
 
 
 def plain(array: object, dtype: type | np.dtype | None = None) -> np.ndarray:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monodyn.arrays import check_unbroken
 from monodyn.errors import FitError, MechanismError, SettingsError
 from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.mechanism.dots import check_dots, dots_of, shows_dots
@@ -227,7 +228,10 @@ def fitted_part(record: Poses, wanted: tuple[int, int | None] | None, name: str)
 
     Raises:
         SettingsError: the table has fewer than two frames of the range.
+        VideoError: its rows do not follow each other.
     """
+    # before and after the fitted rows the motion is simulated, too
+    check_unbroken(name, record.time)
     if wanted is None:
         return 0, len(record)
     frames = record.frame

@@ -2,7 +2,6 @@
 
 import json
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from driven import (
 from monodyn.estimation.record.samples import prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.shooting.problem import posed
-from monodyn.estimation.torque.periods import PeriodSearch, _Scan
+from monodyn.estimation.torque.periods import PeriodSearch
 from monodyn.mechanism import load
 from monodyn.types import Poses
 from support import slow
@@ -87,15 +86,3 @@ def test_rows_without_a_joint_tell_no_period(driven, tmp_path):
         driven[0].joints, driven[0].frame, driven[0].time, position, driven[0].covariance, driven[0].seen
     )
     assert guessed(holes, started(DOUBLE, tmp_path, 0.5, **THICKNESS))[1] == []
-
-
-def test_a_pause_of_hours_asks_for_no_more_periods(driven, tmp_path):
-    start, counts = started(DOUBLE, tmp_path, 1.0, **THICKNESS), (1,)
-
-    def scanned(record):
-        search = PeriodSearch.of(start, prepare((record,), start), (smooth(record),))
-        scan = _Scan(search.problem, search.x, search.motion)
-        return len(scan.periods(counts, (0.0, np.inf)))
-
-    paused = replace(driven[0], time=driven[0].time + np.where(np.arange(len(driven[0])) > 100, 1e4, 0.0))
-    assert scanned(paused) < 15 * scanned(driven[0])

@@ -22,11 +22,12 @@ import pytest
 
 from monodyn.errors import SettingsError, VideoError
 from monodyn.live import sources
-from monodyn.live.clock import LONGEST, USUAL_STEP, Clock
+from monodyn.live.clock import USUAL_STEP, Clock
 from monodyn.live.feed import AHEAD, Feed
 from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import Source, open_source, raw_frames
 from monodyn.types import Frame
+from monodyn.vision.clip.stamps import JUMP
 from support import left_edge, refuses, square
 
 WIDTH, HEIGHT = 96, 64
@@ -584,8 +585,8 @@ def test_a_clock_keeps_the_stamps_of_a_clip_and_learns_its_rate():
     assert [t.frame.time for t in timed] == pytest.approx([7.0 + k / 24 for k in range(30)])
     assert clock.step == pytest.approx(1 / 24)
     # dropped frames are no break, minutes are
-    assert not clock.take(frame(31, timed[-1].frame.time + LONGEST - 0.1)).broken
-    assert clock.take(frame(32, timed[-1].frame.time + 2 * LONGEST + 60.0)).broken
+    assert not clock.take(frame(31, timed[-1].frame.time + JUMP - 0.1)).broken
+    assert clock.take(frame(32, timed[-1].frame.time + 2 * JUMP + 60.0)).broken
 
 
 def test_a_clock_that_stands_still_from_the_start_steps_as_usual():

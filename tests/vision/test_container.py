@@ -13,6 +13,7 @@ import pytest
 
 from monodyn.errors import VideoError
 from monodyn.vision.clip import container
+from monodyn.vision.clip.stamps import jumps, without_pauses
 from monodyn.vision.clip.video import read
 from support import ClipMaker, left_edges, refuses, square
 
@@ -63,6 +64,40 @@ def test_a_variable_rate_in_milliseconds_says_so(make_clip: ClipMaker) -> None:
     assert video.notes == (
         "The time stamps are rounded to 1 ms and follow no constant rate; the rounding counts as noise.",
     )
+
+
+def test_a_jump_of_the_stamps_counts_as_a_short_pause(make_clip: ClipMaker) -> None:
+    rate = 1001 * np.arange(12)
+    stamps = rate + np.where(rate >= 5005, 30_000 * 3 * 3600, 0)
+    video = read(make_clip("clip.mov", stamps=stamps.tolist(), base=Fraction(1, 30000)))
+    steps = np.diff(video.times)
+    assert np.allclose(np.delete(steps, 4), 1001 / 30000, rtol=0, atol=1e-12)
+    assert steps[4] == pytest.approx(10.0, abs=1e-4)
+    assert jumps(video.times).tolist() == [5]
+    assert video.notes == (
+        "The times of the frames jump by 10800 s before frame 5: a pause of 10 s is taken in place of that.",
+    )
+    # each picture is still found by the stamp of its file
+    assert np.allclose(left_edges(video), 2 + np.arange(12), atol=1)
+    assert [frame.index for frame in video.frames(7, 9)] == [7, 8]
+
+
+def test_several_jumps_are_one_sentence_and_short_ones_are_none() -> None:
+    notes: list[str] = []
+    counts = np.cumsum([0, 1, 1, 300, 1, 1, 9000, 1, 1, 3000, 1])
+    shorter = without_pauses(counts, 1.0 / 30.0, notes)
+    assert np.diff(shorter).tolist() == [1, 1, 300, 1, 1, 300, 1, 1, 300, 1]
+    assert notes == [
+        "The times of the frames jump 2 times, by up to 300 s, first before frame 6: a pause of 10 s is "
+        "taken in place of that."
+    ]
+
+
+def test_a_picture_every_few_seconds_is_no_jump() -> None:
+    times = np.array([0, 7, 14, 28, 35, 42.0])
+    assert not len(jumps(times))
+    assert jumps(np.append(times, 800.0)).tolist() == [6]
+    assert without_pauses(np.array([3]), 1.0, []).tolist() == [3]
 
 
 def test_ntsc_rate_is_not_rounded(make_clip: ClipMaker) -> None:

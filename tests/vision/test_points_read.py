@@ -138,6 +138,9 @@ def test_the_clip_gives_times_and_size(tmp_path: Path) -> None:
          "t.csv: expected whole frame numbers from 0 on, got 0.5; count the frames of the clip."),
         ("frame,a_x,a_y\n0,1,2\n2000000,1,2\n",
          "t.csv: expected frame numbers below 1000000, got 2e+06; correct the last row."),
+        ("time,a_x,a_y\n0,1,2\n0.1,2,2\n0.2,3,2\n0.3,3,3\n72,3,1\n",
+         "t.csv: expected rows that follow each other, got pauses of 23.87 s between rows of 0.1333 s, the "
+         "longest after 0.1 s; give what comes before and after a pause as records of their own."),
         ("frame,a_x,a_y\n0,1,2\n1,1,2,3\n",
          "t.csv: row 3: expected 3 cells, as the header has columns, got 4; name each column, and write "
          "numbers without a comma between their digits."),

@@ -13,7 +13,16 @@ import pytest
 from films import COUNT, film
 from monodyn.mechanism import load
 from monodyn.types import Poses
-from monodyn.vision.release import FreeSpan, blanked, free_span, hangs, longest_free, released, touching
+from monodyn.vision.release import (
+    FreeSpan,
+    blanked,
+    free_span,
+    hangs,
+    longest_free,
+    released,
+    span_of_poses,
+    touching,
+)
 
 STD = 5e-4
 """Noise of the poses [rad]."""
@@ -52,6 +61,18 @@ def test_a_slide_is_released_at_any_scale_of_its_file(scale: float) -> None:
     position, covariance = scale * poses.position, (0.02 * scale) ** 2 * poses.covariance
     slide = replace(poses, position=position, covariance=covariance)
     assert abs(released(slide, 0, 120, slides=np.array([True])) - 30) <= 3
+
+
+def test_no_motion_goes_on_across_a_jump_of_the_time() -> None:
+    poses = poses_of(swing(0, 40, angular=5.0))
+    both = replace(poses, time=poses.time + np.where(poses.frame < 25, 0.0, 10.0))
+    found = span_of_poses(both, load("single"), None)
+    assert (found.first, found.stop) == (0, 25)
+    assert found.notes == (
+        "The mechanism moves freely in frames 0:25, 0.000 to 0.800 s; outside of these something touches or "
+        "holds it, or the time jumps (--time-range A:B [s] gives another range).",
+    )
+    assert span_of_poses(poses, load("single"), None) == FreeSpan(0, 40, ())
 
 
 def test_the_first_free_frame_may_be_the_first_of_the_stretch() -> None:
@@ -131,6 +152,9 @@ def test_the_longest_stretch_between_two_touches() -> None:
     assert longest_free(touched, seen, (0, 100)) == (20, 85)
     touched[40:45] = True
     assert longest_free(touched, seen, (0, 100)) == (45, 85)
+    for jump, stretch in ((50, (50, 85)), (80, (45, 80)), (42, (45, 85)), (45, (45, 85)), (85, (45, 85))):
+        assert longest_free(touched, seen, (0, 100), [jump]) == stretch
+    assert longest_free(touched, seen, (0, 100), [30, 60, 70]) == (45, 60)
     seen[50:85] = False
     assert longest_free(touched, seen, (0, 100)) == (20, 40)
     assert longest_free(np.ones(100, dtype=bool), seen, (5, 90)) == (5, 90)

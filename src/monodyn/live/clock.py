@@ -10,9 +10,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from monodyn.types import Frame
+from monodyn.vision.clip.stamps import JUMP
 
-LONGEST = 5.0
-"""Time between two frames above which it is that of another clock [s]."""
 USUAL_STEP = 1.0 / 30.0
 """Time between two frames before two of them were seen [s]."""
 GAIN = 0.1
@@ -61,7 +60,7 @@ class Clock:
             self._last = time
             return Timed(replace(frame, time=time), False)
         passed = time - self._last
-        broken = not 0.0 < passed <= LONGEST
+        broken = not 0.0 < passed <= JUMP
         if broken:
             self.breaks += 1
             self._offset += self._last + self.step - time

@@ -7,6 +7,7 @@ shadow, cables that move along) is no sign of a hand, and a rest at the end is f
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -16,6 +17,7 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import energy
 from monodyn.types import Poses
+from monodyn.vision.clip.stamps import jumps
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.masks import Masks
@@ -84,7 +86,8 @@ def free_span(masks: Masks, scene: Scene, poses: Poses) -> FreeSpan:
     touched = np.zeros(max(count, int(rows.max(initial=0)) + 1), dtype=bool)
     sampled = np.isin(rows, [frame.index for frame in samples.frames])
     touched[rows] = touching(samples.thumbnails, sampled, scene, poses)
-    first, stop = longest_free(_lasting(touched[:count], poses.time), poses.seen, span)
+    touched = _lasting(touched[:count], poses.time)
+    first, stop = longest_free(touched, poses.seen, span, jumps(poses.time))
     slides = np.array([joint.kind == "slide" for joint in scene.mechanism.joints])
     begin = released(poses, first, stop, slides=slides)
     hanging = _hung(scene.mechanism, poses, first, begin)
@@ -133,9 +136,13 @@ def span_of_poses(poses: Poses, mechanism: Mechanism, given: tuple[float, float 
         first, stop = frames_between(poses.time, given)
         return FreeSpan(int(poses.frame[first]), int(poses.frame[stop - 1]) + 1, ())
     slides = np.array([joint.kind == "slide" for joint in mechanism.joints])
-    row = released(poses, 0, len(poses), slides=slides)
-    first = int(poses.frame[min(row, len(poses) - 1)]) if row else whole[0]
-    free = FreeSpan(first, whole[1], (), _hung(mechanism, poses, 0, row) * (first - whole[0]))
+    untouched = np.zeros(len(poses), dtype=bool)
+    begin, stop = longest_free(untouched, poses.seen, (0, len(poses)), jumps(poses.time))
+    row = released(poses, begin, stop, slides=slides)
+    held = int(poses.frame[begin])
+    first = int(poses.frame[min(row, len(poses) - 1)])
+    hanging = _hung(mechanism, poses, begin, row) * (first - held)
+    free = FreeSpan(first, int(poses.frame[stop - 1]) + 1, (), hanging)
     return free._replace(notes=tuple(_notes(poses, whole, free)))
 
 
@@ -185,21 +192,26 @@ def touching(thumbnails: Thumbnails, sampled: np.ndarray, scene: Scene, poses: P
     return more & (np.isnan(against) | _beyond(np.nan_to_num(against), usual, own))
 
 
-def longest_free(touched: np.ndarray, seen: np.ndarray, span: tuple[int, int]) -> tuple[int, int]:
-    """Return the stretch between two touches with the most seen frames.
+def longest_free(
+    touched: np.ndarray, seen: np.ndarray, span: tuple[int, int], broken: np.ndarray | Sequence[int] = ()
+) -> tuple[int, int]:
+    """Return the stretch between two touches or jumps of the time with the most seen frames.
 
     Args:
         touched: True where something touches the mechanism, bool (frame,).
         seen: True where it was seen, bool (frame,).
         span: First frame and the one after the last that may belong to it.
+        broken: Frames before which the time jumps, int (frame,).
 
     Returns:
         First frame of the stretch, and the one after its last.
     """
     blocked = touched.copy()
     blocked[: span[0]] = blocked[span[1] :] = True
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], blocked, [True]]).astype(np.int8)))
-    stretches = edges.reshape(-1, 2)
+    ends = np.flatnonzero(np.diff(np.concatenate([[True], blocked, [True]]).astype(np.int8)))
+    # a jump between two free frames ends one stretch and begins another
+    inner = [row for row in broken if 0 < row < len(blocked) and not blocked[row - 1] and not blocked[row]]
+    stretches = np.sort(np.concatenate([ends, inner, inner])).astype(int).reshape(-1, 2)
     if not len(stretches):
         return span
     first, stop = max(stretches, key=lambda ends: int(np.sum(seen[ends[0] : ends[1]])))
@@ -327,8 +339,10 @@ def _notes(poses: Poses, shown: tuple[int, int], free: FreeSpan) -> list[str]:
     if (free.first - free.hanging, free.stop) != shown:
         rows = np.searchsorted(poses.frame, [free.first, free.stop])
         begin, end = (float(poses.time[row]) for row in (rows[0], rows[1] - 1))
+        jumped = ", or the time jumps" if len(jumps(poses.time)) else ""
         notes.append(
             f"The mechanism moves freely in frames {free.first}:{free.stop}, {begin:.3f} to {end:.3f} s; "
-            "outside of these something touches or holds it (--time-range A:B [s] gives another range)."
+            f"outside of these something touches or holds it{jumped} (--time-range A:B [s] gives another "
+            "range)."
         )
     return notes

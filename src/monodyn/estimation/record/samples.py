@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from monodyn.arrays import check_unbroken
 from monodyn.errors import MechanismError, VideoError
 from monodyn.estimation.record.shared import end_to_end
 from monodyn.estimation.record.smooth import motion_size
@@ -16,9 +17,6 @@ from monodyn.mechanism.logged import LoggedTorque, logged
 from monodyn.mechanism.upright import by_roll
 from monodyn.names import known, quoted
 from monodyn.types import Poses, TorqueLog
-
-MOST_PARTS = 1000
-"""A gap is divided into at most this many steps, however long it is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,6 +281,7 @@ def _record(number: int, poses: Poses, mechanism: Mechanism) -> tuple[np.ndarray
     position, covariance, measured = position[rows], covariance[rows], measured[rows]
     # rows before the first and after the last measurement would only cost integration
     white = _whitening(number, covariance, measured)
+    check_unbroken(f"record {number}", poses.time[rows])
     times, at = _filled(poses.time[rows])
     # rows that fill a gap stay zero: they weigh nothing and count as not measured
     placed = (
@@ -307,7 +306,6 @@ def _filled(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     steps = np.diff(times)
     # the small share keeps a step of exactly twice the usual one whole, which rounding would split
     parts = np.maximum(np.ceil(steps / (2.0 * np.median(steps)) - 1e-9), 1.0).astype(int)
-    parts = np.minimum(parts, MOST_PARTS)
     at = np.concatenate(([0], np.cumsum(parts)))
     return np.interp(np.arange(at[-1] + 1), at, times), at
 

@@ -16,8 +16,6 @@ from monodyn.estimation.shooting.problem import Problem
 from monodyn.mechanism.simulate import acceleration_derivatives, accelerations
 from monodyn.mechanism.tree import Tree
 
-MOST_PAUSES = 10.0
-"""Length of a record over what its rows cover at their usual pace, up to which its pauses count."""
 MOST_STAMPS = 400
 """Time stamps that are compared; more of them would not make the start any better."""
 MODEL_SHARE = 0.05

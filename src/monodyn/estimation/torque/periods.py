@@ -16,7 +16,6 @@ from monodyn.estimation.record.samples import Data
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.estimation.shooting.accelerations import (
-    MOST_PAUSES,
     SmoothMotion,
     mismatch_rows,
     smooth_motion,
@@ -194,8 +193,7 @@ class _Scan:
         self.clock = motion.time * problem.stretch(x)
         steps = np.diff(np.unique(self.clock))
         self.pace = float(np.median(steps))
-        # across a pause so long no phase is known: the scan need not be as fine as that asks for
-        self.span = min(float(np.sum(steps)), MOST_PAUSES * self.pace * len(steps))
+        self.span = float(np.sum(steps))
         self.response, self.count, self.prior = response, len(x), len(rows) - motion.weight.size
         # what the other unknowns can explain is taken out of both rows and columns (variable projection), so
         # that the series is fitted as if they had moved to their best for every period

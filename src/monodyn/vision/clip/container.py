@@ -18,7 +18,7 @@ import numpy as np
 from monodyn.errors import VideoError
 from monodyn.types import Frame
 from monodyn.vision.clip.orientation import Turn, square_size, turn_of, upright_planes
-from monodyn.vision.clip.stamps import clock_of
+from monodyn.vision.clip.stamps import clock_of, without_pauses
 
 _NOT_CLIPS = ("hls", "concat", "dash", "sdp", "image2", "image2pipe", "tty", "webm_dash_manifest")
 """Formats that name other files or are one picture or text, by the demuxer's name."""
@@ -111,13 +111,14 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
             "The file requires a rotation that is not a quarter turn; the nearest quarter turn is used."
         )
     if rate is None:
-        times, tick = clock_of(ticks, opening.base, opening.rates)
+        shown = without_pauses(ticks, float(opening.base), notes)
+        times, tick = clock_of(shown, opening.base, opening.rates)
         if tick > COARSE * float(np.median(np.diff(times))):
             notes.append(
                 f"The time stamps are rounded to {1e3 * tick:.3g} ms and follow no constant rate; the "
                 "rounding counts as noise."
             )
-        _note_missing(path, times, notes)
+        _note_missing(path, times + (ticks[-1] - shown[-1]) * float(opening.base), notes)
     else:
         times, tick = np.arange(len(ticks)) / rate, 0.0
         notes.append(f"Time stamps replaced by {rate:g} frames a second.")

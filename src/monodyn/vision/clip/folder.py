@@ -15,6 +15,7 @@ from monodyn.errors import VideoError
 from monodyn.names import meant, near_files, quoted
 from monodyn.types import Frame
 from monodyn.vision.clip.orientation import Planes, Turn, upright_planes
+from monodyn.vision.clip.stamps import without_pauses
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 DEFAULT_RATE = 30.0
@@ -49,7 +50,8 @@ def read_folder(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, A
             f"A folder of pictures has no time stamps: {DEFAULT_RATE:g} pictures a second assumed; "
             "give --rate if it differs.",
         )
-    times = steps / (rate or DEFAULT_RATE)
+    rate = rate or DEFAULT_RATE
+    times = without_pauses(steps, 1.0 / rate, notes) / rate
     luma, _ = load_picture(files[0], "picture")
     height, width = luma.shape
     return width, height, times, partial(_pictures, files, times, (height, width), notes), notes

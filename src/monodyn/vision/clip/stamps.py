@@ -4,6 +4,9 @@ A container keeps stamps in whole ticks: Matroska and WebM of 1 ms, GIF of 10 ms
 that moves each of them by up to half a tick. The one idea: where one rate and one beginning explain *all*
 stamps within half a tick, missing frames included, they are the stamps before the rounding; where none does,
 the stamps stay as they are, and the tick counts as an error of the time.
+
+A recording that was stopped and went on, or a counter that began anew, leaves a jump between two stamps: no
+motion goes on across it, and how long it was is not worth hours of empty time in every table and film.
 """
 
 from __future__ import annotations
@@ -22,6 +25,12 @@ HALVINGS = 60
 """Steps of a search on a line: each keeps two thirds of it, or half."""
 ROUNDING = 1e-6
 """What floating point may add to a deviation [ticks]."""
+JUMP = 5.0
+"""Time between two frames above which no motion goes on from one to the other [s]."""
+JUMP_STEPS = 100.0
+"""Usual times between two frames that a jump is longer than, too: slow motions are filmed with few frames."""
+PAUSE = 2.0
+"""How long a jump counts at most, over the shortest one."""
 
 
 class Clock(NamedTuple):
@@ -63,6 +72,48 @@ def clock_of(ticks: np.ndarray, base: Fraction, rates: Sequence[Fraction] = ()) 
             return Clock(_restored(steps, ticks[0] * base, wider, rates), 0.0)
     # in exact fractions: 1001/30000 s times a large number of ticks must not be rounded twice
     return Clock(np.array([float(tick * base) for tick in ticks.tolist()]), float(unit))
+
+
+def jumps(times: np.ndarray) -> np.ndarray:
+    """Return where no motion goes on from one frame to the next for the time between them.
+
+    Args:
+        times: Times [s], increasing, (frame,).
+
+    Returns:
+        Rows of the first frame after each jump, int (frame,).
+    """
+    return np.flatnonzero(np.diff(times) > _shortest_jump(times)) + 1
+
+
+def without_pauses(counts: np.ndarray, unit: float, notes: list[str]) -> np.ndarray:
+    """Shorten the jumps of whole numbers that time is counted in.
+
+    Args:
+        counts: Stamps, or numbers of pictures, increasing, int64 (frame,).
+        unit: What one of them is [s].
+        notes: Takes a sentence where a jump was shortened.
+
+    Returns:
+        The counts, int64 (frame,), those after a jump as if it had lasted for ``PAUSE`` of the shortest.
+    """
+    times = counts * unit
+    pause, steps = PAUSE * _shortest_jump(times), np.diff(counts)
+    long = np.flatnonzero(steps * unit > pause)
+    if not len(long):
+        return counts
+    seconds = float(steps[long].max()) * unit
+    where = f"by {seconds:.6g} s before frame {long[0] + 1}"
+    if len(long) > 1:
+        where = f"{len(long)} times, by up to {seconds:.6g} s, first before frame {long[0] + 1}"
+    notes.append(f"The times of the frames jump {where}: a pause of {pause:.3g} s is taken in place of that.")
+    steps[long] = round(pause / unit)
+    return counts[0] + np.concatenate(([0], np.cumsum(steps)))
+
+
+def _shortest_jump(times: np.ndarray) -> float:
+    """Return the time between two frames above which it is a jump [s]."""
+    return max(JUMP, JUMP_STEPS * float(np.median(np.diff(times)))) if len(times) > 1 else JUMP
 
 
 class Steps(NamedTuple):

@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from monodyn.arrays import check_unbroken
 from monodyn.choices import check_choice, check_endless
 from monodyn.errors import VideoError
 from monodyn.names import meant, near_files
@@ -80,6 +81,8 @@ def read_points(
     _check_names(path, table)
     table = _sorted(path, table)
     frame, time, tick = _clock(path, table, rate, clip)
+    if clip is None:
+        check_unbroken(path.name, time)
     upward = table.upward if axis == "auto" else axis == "up"
     px, (width, height), notes = _in_picture(path, table, size, clip, upward=upward)
     return PointTracks(
