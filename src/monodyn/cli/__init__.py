@@ -173,11 +173,20 @@ def _dispatch(words: list[str]) -> int:
             return 0
     if isinstance(options, int):
         return options
-    if not getattr(options, "quiet", True) and sys.stderr.isatty() and not compiled_before():
+    if compiled_before():
+        return options.go()
+    if not getattr(options, "quiet", True) and sys.stderr.isatty():
         _fail("functions are compiled at first use, which takes minutes; monodyn warm does it beforehand.")
-    return options.go()
+    if words[0] not in SEEING:
+        return options.go()
+    from monodyn.cli.warming import compiling_beside
+
+    with compiling_beside():
+        return options.go()
 
 
+SEEING = ("run", "live", "demo", "warm")
+"""Commands that need all that is compiled: what sees, and what identifies."""
 NAME = "monodyn: "
 """What a message begins with."""
 MOST_LETTERS = 300 - len(NAME)

@@ -1,19 +1,12 @@
-"""``monodyn demo``: the main job on the clip that is installed with the program; ``monodyn warm``: the same
-where nobody looks, so that what an ordinary clip needs is compiled; ``monodyn models``: the mechanisms that
-are installed with it."""
+"""``monodyn demo``: the main job on the clip that is installed with the program; ``monodyn models``: the
+mechanisms that are installed with it."""
 
 from __future__ import annotations
 
-import tempfile
-import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from monodyn.cli.shared import QuietOptions, ResultOptions
-
-if TYPE_CHECKING:
-    from monodyn.types import Progress
+from monodyn.cli.shared import ResultOptions
 
 CLIP = Path(__file__).parent / "clip" / "double.mp4"
 """A double pendulum before a wall, with ``double.xml`` and the truth in ``double.json`` beside it."""
@@ -40,23 +33,6 @@ class DemoOptions(ResultOptions):
         return show(outcome, as_json=self.json, quiet=self.quiet)
 
 
-@dataclass(frozen=True, kw_only=True)
-class WarmOptions(QuietOptions):
-    """Compile what ordinary runs and streams need, once after installing; what is compiled is only loaded."""
-
-    def go(self) -> int:
-        """Return the exit code after running the command."""
-        began = time.perf_counter()
-        with self.progress() as progress:
-            warm(progress)
-        if not self.quiet:
-            print(
-                f"Runs and streams are compiled ({time.perf_counter() - began:.0f} s); what only a moving "
-                "camera, motion blur or the published method needs still is at first use."
-            )
-        return 0
-
-
 @dataclass(frozen=True)
 class ModelsOptions:
     """List the bundled mechanisms with their joints and sizes.
@@ -72,18 +48,3 @@ class ModelsOptions:
         from monodyn.cli.show import show_models
 
         return show_models(as_json=self.json)
-
-
-def warm(progress: Progress | None = None) -> None:
-    """Go through a run and a stream of the demo clip, whose compiled functions stay in numba's cache.
-
-    Args:
-        progress: Called with the frames done by each step.
-    """
-    from monodyn import open_source, pipeline, stream
-
-    with tempfile.TemporaryDirectory(prefix="monodyn-") as folder:
-        pipeline.run(CLIP, MODEL, Path(folder) / "run", progress=progress)
-    for done, _ in enumerate(stream(open_source(CLIP), MODEL), 1):
-        if progress is not None:
-            progress("live", done, None)

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from monodyn.cli.controlled import ControlOptions
-from monodyn.cli.demo import DemoOptions, ModelsOptions, WarmOptions
+from monodyn.cli.demo import DemoOptions, ModelsOptions
 from monodyn.cli.predicted import PredictOptions
 from monodyn.cli.reproduced import ReproduceOptions
 from monodyn.cli.shared import ResultOptions
+from monodyn.cli.warming import WarmOptions
 from monodyn.errors import SettingsError
 from monodyn.live.settings import LiveSettings
 from monodyn.numbers import is_whole
