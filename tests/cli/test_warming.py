@@ -71,5 +71,5 @@ def test_two_processes_compile_where_nothing_is_and_all_is_needed(
         (tmp_path / "planar.rollouts-1.py311.nbi").touch()
     monkeypatch.chdir(tmp_path)
     (tmp_path / "text.mp4").write_text("no clip")
-    main([*words, *(["--model", "single"] if words[0] in ("run", "live") else [])])
+    main([*words, *(["--model", "single", "--out", "run"] if words[0] in ("run", "live") else [])])
     assert len(begun) == beside

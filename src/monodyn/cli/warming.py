@@ -1,7 +1,8 @@
 """``monodyn warm``, and what is compiled at first use, in two processes.
 
-One of them sees and then identifies, the other one begins with that. The compiler uses one core and keeps what it has compiled in files, so that the first process finds there what
-the second one compiled meanwhile: they share the time about evenly.
+One of them sees and then identifies, the other one begins with that. The compiler uses one core and keeps
+what it has compiled in files, so that the first process finds there what the second one compiled meanwhile:
+they share the time about evenly.
 """
 
 from __future__ import annotations
