@@ -129,6 +129,32 @@ def test_a_checked_function_is_otherwise_the_same() -> None:
         checked(half)()
 
 
+def test_only_the_public_door_is_checked() -> None:
+    """What a checked function calls is not checked again, what is called after it is, whatever it raised."""
+
+    @checked
+    def inner(count: int) -> int:
+        return count
+
+    @checked
+    def outer(count: int, wrong: bool) -> object:
+        if wrong:
+            raise ValueError(count)
+        return inner("two")  # type: ignore[arg-type]
+
+    @checked
+    def each(count: int) -> Iterator[object]:
+        yield inner(count)
+
+    assert outer(1, wrong=False) == "two"
+    with pytest.raises(ValueError, match=r"^1$"):
+        outer(1, wrong=True)
+    assert list(each(3)) == [3]
+    said = "inner: expected count to be a whole number, got str; give another."
+    with refuses(SettingsError, said):
+        inner("two")  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("raised", [KeyboardInterrupt(), TimeoutError("too long")])
 def test_what_a_signal_raises_in_compiled_code_comes_out_as_itself(raised: BaseException) -> None:
     def compiled() -> None:

@@ -7,6 +7,7 @@ matter. Checked is at the public door alone: what calls a function from inside p
 from __future__ import annotations
 
 import inspect
+import threading
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence, Set
 from functools import cache, wraps
 from numbers import Integral, Real
@@ -22,6 +23,8 @@ TRUTH = ("bool", "bool_")
 
 CALLED = ("__call__", "__iter__")
 """What a protocol may state beyond its own names."""
+_thread = threading.local()
+"""Whether a thread is inside of a function that was checked: ``inside``."""
 
 
 def checked(function: Function) -> Function:
@@ -41,14 +44,19 @@ def checked(function: Function) -> Function:
 
     @wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
+        if getattr(_thread, "inside", False):
+            return function(*args, **kwargs)
         given = signature.bind(*args, **kwargs).arguments
         check_types(function.__name__, given, _hints(function))
         try:
+            _thread.inside = True
             made = function(*args, **kwargs)
         except (OSError, SystemError, ImportError) as error:
             raised = _plain(function.__name__, error)
         else:
             return _watched(function.__name__, made) if inspect.isgenerator(made) else made
+        finally:
+            _thread.inside = False
         # not while the other is handled: each would lead to the other
         raise raised
 
