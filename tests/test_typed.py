@@ -150,7 +150,7 @@ def test_only_the_public_door_is_checked() -> None:
     with pytest.raises(ValueError, match=r"^1$"):
         outer(1, wrong=True)
     assert list(each(3)) == [3]
-    said = "inner: expected count to be a whole number, got str; give another."
+    said = "inner: expected count to be a whole number, got 'two'; give another."
     with refuses(SettingsError, said):
         inner("two")  # type: ignore[arg-type]
 
