@@ -13,6 +13,7 @@ import numpy as np
 
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera
+from monodyn.vision.drawing.camera import PARAMETERS
 from monodyn.vision.drawing.edges import MATCHED_PX, Agreement, Shifts, edge_terms
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.rig import Rig, rig_of
@@ -191,10 +192,15 @@ def shifted_rigs(
     rig = rig_of(mechanism, camera, shrink=shrink)
     steps = np.where(variables.log, 1e-6, 1e-7)
     others = []
-    for i in range(len(x)):
+    for i, name in enumerate(variables.names):
         shifted = x.copy()
         shifted[i] += steps[i]
-        others.append(rig_of(*variables.write(shifted, mechanism, camera), shrink=shrink))
+        # each of them concerns the mechanism or the camera: the other one stays
+        if name in PARAMETERS:
+            other = mechanism, variables.camera_at(shifted, camera)
+        else:
+            other = variables.mechanism_at(shifted, mechanism), camera
+        others.append(rig_of(*other, shrink=shrink))
     # reshaped, so that there may be no variable at all
     links, points, radius, cameras = (
         np.array([getattr(other, field) for other in others]).reshape(len(x), *getattr(rig, field).shape)

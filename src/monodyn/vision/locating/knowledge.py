@@ -200,7 +200,7 @@ def _camera_slope(bundle: Bundle, cameras: list[str]) -> np.ndarray:
         for sign in (1.0, -1.0):
             moved = x.copy()
             moved[i] += sign * STEP
-            _, there = variables.write(moved, mechanism, camera)
+            there = variables.camera_at(moved, camera)
             ends.append(np.array([value_of(there, name) for name in cameras]))
         slope[:, i] = (ends[0] - ends[1]) / (2.0 * STEP)
     return slope

@@ -111,9 +111,19 @@ class SceneVariables:
         Returns:
             Both with the new values.
         """
-        values = np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
-        pairs = dict(zip(self.names, values.tolist(), strict=True))
-        of_camera = {n: v for n, v in pairs.items() if n in PARAMETERS}
+        return self.mechanism_at(x, mechanism), self.camera_at(x, camera)
+
+    def mechanism_at(self, x: np.ndarray, mechanism: Mechanism) -> Mechanism:
+        """Write what concerns a mechanism into it.
+
+        Args:
+            x: The variables, (param,).
+            mechanism: The mechanism.
+
+        Returns:
+            The mechanism with the new values.
+        """
+        pairs = self._values(x)
         of_mechanism = {n: v for n, v in pairs.items() if n not in PARAMETERS}
         for name, size in zip(self.names, self.against, strict=True):
             if size:
@@ -122,10 +132,27 @@ class SceneVariables:
             first = self.names[self.kinds.index(SIDES)]
             factor = pairs[first] / mechanism.values[first]
             of_mechanism |= {name: mechanism.values[name] * factor for name in self.thick}
+        return mechanism.with_values(of_mechanism)
+
+    def camera_at(self, x: np.ndarray, camera: Camera) -> Camera:
+        """Write what concerns a camera into it.
+
+        Args:
+            x: The variables, (param,).
+            camera: The camera.
+
+        Returns:
+            The camera with the new values.
+        """
+        of_camera = {n: v for n, v in self._values(x).items() if n in PARAMETERS}
         if not self.about_origin:
-            return mechanism.with_values(of_mechanism), with_values(camera, of_camera)
-        place = with_values(around_origin(camera), of_camera)
-        return mechanism.with_values(of_mechanism), from_origin(place)
+            return with_values(camera, of_camera)
+        return from_origin(with_values(around_origin(camera), of_camera))
+
+    def _values(self, x: np.ndarray) -> dict[str, float]:
+        """Return what the variables stand for by name; places are ratios still."""
+        values = np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
+        return dict(zip(self.names, values.tolist(), strict=True))
 
 
 def scene_variables(mechanism: Mechanism, names: Sequence[str]) -> SceneVariables:
