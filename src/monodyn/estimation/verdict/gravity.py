@@ -20,6 +20,8 @@ from monodyn.mechanism import Mechanism
 GRAVITY_STD = 1.5e-3
 """Standard deviation of gravity where it is taken from a file, as a share of it: it is 9.780 to 9.832 m/s^2
 at sea level, less on mountains, and the air carries a part in a thousand of what is light."""
+REFINED = 3
+"""How often what follows from a further unknown is corrected by what it leaves."""
 DENSITY_STD = float(np.log(1.6))
 """Standard deviation of the logarithm of a density of which nothing is known: from wood to steel."""
 
@@ -100,8 +102,11 @@ def _with_its_share(found: Refined, larger: Problem, moved: Optimum, name: str, 
     noise = knowledge_at(unshifted, found.optimum.x, jacobian[:, :, others], moved.trial.pieces)
     rows = without_states(jacobian, len(larger.unknowns), moved.trial.pieces)
     own, rest = rows[:, at], np.delete(rows, at, axis=1)
-    follows = -noise.covariance @ (rest.T @ own)
-    left = float(np.sum((own + rest @ follows) ** 2) + follows @ problem.prior.information @ follows)
+    follows, information = np.zeros(rest.shape[1]), problem.prior.information
+    # what the others cannot follow is a small difference of large rows where a record is exact
+    for _ in range(REFINED):
+        follows -= noise.covariance @ (rest.T @ (own + rest @ follows) + information @ follows)
+    left = float(np.sum((own + rest @ follows) ** 2) + follows @ information @ follows)
     variance = 1.0 / (std**-2.0 + left)
     along = np.insert(follows, at, 1.0)
     known = found.known
