@@ -66,8 +66,7 @@ def silhouette_area(scene: PaperScene) -> float:
 
 @pytest.mark.slow
 def test_the_example_clip_by_the_published_method() -> None:
-    """Issue 3 requires 1 degree over 40 frames; the errors found were 0.07 and 0.22, with OpenCV 4.13 0.10 and
-    0.51."""
+    """Issue 3 requires 1 degree over 40 frames; found were 0.07 and 0.22, with OpenCV 4.13 0.10 and 0.51."""
     both, told = {"method": "paper"}, []
     scene = monodyn.locate(
         monodyn.segment(monodyn.read(DEMO / "double.mp4")), monodyn.load(MODEL),
