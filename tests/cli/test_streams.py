@@ -391,6 +391,29 @@ def test_only_what_the_system_says_of_a_file_or_of_its_limits_is_foreseen(
     assert done.err.count("\n") == 1
 
 
+def test_a_signal_that_comes_as_all_ends_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the first moment it still is an interruption, after that it comes too late; none is sent again."""
+    before, ends, usual = signal.getsignal(signal.SIGINT), list[streams._Presses](), streams._Presses.end
+
+    def end(presses: streams._Presses) -> None:
+        ends.append(presses)
+        if len(ends) == 1:
+            os.kill(os.getpid(), signal.SIGTERM)
+        presses.over = True
+        os.kill(os.getpid(), signal.SIGTERM)
+        usual(presses)
+
+    monkeypatch.setattr(streams._Presses, "end", end)
+    with pytest.raises(KeyboardInterrupt), streams.never_lost() as came:
+        pass
+    assert len(ends) == 2
+    assert came == [signal.SIGTERM]
+    assert not ends[0]._thread.is_alive()
+    assert signal.getsignal(signal.SIGINT) is before
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    time.sleep(2 * streams.SOON)
+
+
 @pytest.mark.parametrize(
     ("terminal", "quiet", "compiled", "told"),
     [

@@ -156,7 +156,12 @@ def never_lost() -> Iterator[list[int]]:
             raise KeyboardInterrupt from error
         raise
     finally:
-        presses.end()
+        try:
+            presses.end()
+        except KeyboardInterrupt:
+            # one that comes as the other ends must leave nothing behind that sends it again
+            presses.end()
+            raise
 
 
 class _Presses:
@@ -212,6 +217,9 @@ class _Presses:
             _send(self.ours[0])
 
     def _press(self, number: int, frame: Any) -> None:
+        if self.over:
+            # all is done: it came too late
+            return
         self.doubtful.put(True)
         if not self.sent:
             self.came.append(number)
