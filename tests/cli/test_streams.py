@@ -274,6 +274,19 @@ def test_another_error_in_a_callback_is_reported_as_ever() -> None:
     assert [one.exc_type for one in seen] == [ZeroDivisionError]
 
 
+def test_ctrl_c_in_a_text_that_is_run_ends_with_the_exit_code(tmp_path: Path) -> None:
+    """As in the making of dataclasses, of which an import makes many."""
+    (tmp_path / "started.py").write_text(
+        "import monodyn.cli.options, monodyn.names, monodyn.typed\nfrom monodyn import cli\n"
+        "def stopped(words): exec('raise KeyboardInterrupt')\n"
+        "cli._dispatch = stopped\nraise SystemExit(cli.main())",
+        encoding="utf-8",
+    )
+    words = [sys.executable, "-m", "started", "models"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, INTERRUPTED)
+
+
 def test_ctrl_c_before_anything_is_loaded() -> None:
     code = (
         "import sys\nclass Stop:\n    def find_spec(self, name, *_):\n"

@@ -119,6 +119,9 @@ def _main(words: list[str]) -> int:
 
 def _interrupted(said: str = "nothing was written.", number: int = INTERRUPT) -> int:
     """Say that Ctrl-C was pressed, or another signal sent, and what there is; return the exit code."""
+    # Python notes what leaves a text that is run, as in the making of a dataclass, and would end as if killed
+    # by Ctrl-C whatever the exit code is: the next text takes the note away
+    exec("")
     _fail(f"{'interrupted' if number == INTERRUPT else 'terminated'}; {said}")
     return SIGNALLED + number
 
