@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -74,10 +73,7 @@ def test_a_camera_that_moves(tmp_path: Path) -> None:
     found = judged(tmp_path, drift)
     assert not_held(found) == [STILL]
     # half of the two pixels that it moves in the end, at the middle of the clip
-    said = re.fullmatch(r"The background is displaced by (\S+) px in the median of \d+ frames\.",
-                        found[STILL].numbers)  # fmt: skip
-    assert said is not None
-    assert float(said[1]) == pytest.approx(1.0, abs=0.2)
+    assert found[STILL].numbers.startswith("The background is displaced by 1.0 px ")
     assert found[PARALLEL].numbers == "This cannot be judged where another assumption fails."
 
 
