@@ -112,6 +112,25 @@ def test_the_camera_stands_while_pose_and_ratios_are_searched(
     assert all(found.free)
 
 
+def test_a_round_that_gains_is_not_the_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An outline that stands still does not end a framework whose last round has lowered the mismatch."""
+    ended = sequential.camera_and_pose
+    values: list[float] = []
+
+    def watch(image: SilhouetteImage, view: ModelView, *how: object) -> tuple[ModelView, list[History]]:
+        values.append(mismatch(image, view.rig, view.position))
+        return ended(image, view, *how)
+
+    monkeypatch.setattr(sequential, "camera_and_pose", watch)
+    monkeypatch.setattr(sequential, "_moved_px", lambda *_: 0.0)
+    image, schedule = silhouette_of(), RoundSchedule()
+    strict(image, wrong_view(tmp_path), schedule)
+    gains = -np.diff(np.minimum.accumulate(values)) / image.area
+    # the values are those that each round begins with, the wrong start before them
+    assert len(gains) >= 2
+    assert (gains > schedule.gain).all()
+
+
 def test_camera_and_pose_end_with_the_best_turn(tmp_path: Path) -> None:
     """The true ratios known: the alternation comes to camera and pose."""
     start = view_of(chain(tmp_path), replace(CAMERA, depth=1.3, x=0.0), np.array([-0.7, 0.6]))

@@ -27,7 +27,7 @@ from monodyn.paper.view import CAMERA_HELD, ModelView, SilhouetteImage
 from monodyn.vision.drawing.camera import DEPTH, X, Y
 
 SETTLED_PX = 0.03
-"""Camera and pose, and the whole framework, have converged when the outline moves by no more than this [px],
+"""Camera and pose have converged, and so has a round without a gain, where the outline moves by no more [px],
 in the root mean square of its points."""
 MOST_TURNS = 40
 """Turns of camera and pose at most before the aspect ratios are searched."""
@@ -95,8 +95,9 @@ def strict(image: SilhouetteImage, view: ModelView, schedule: RoundSchedule | No
         idle = 0 if least - value > schedule.gain * image.area else idle + 1
         if value < least:
             best, least = view, value
-        # where the model does not fit, the alternation may creep along without end and without a gain
-        if _moved_px(before, view) < SETTLED_PX or idle == PATIENCE:
+        # an outline that hardly moves may still gain, in a narrow valley; and where the model does not fit,
+        # the alternation may creep along without end and without a gain
+        if (idle and _moved_px(before, view) < SETTLED_PX) or idle == PATIENCE:
             break
         share = max(schedule.shrink * share, schedule.least)
     # equal areas and centroids may cost more than they gain where the start is near the least mismatch
