@@ -17,13 +17,14 @@ from monodyn.checks import (
     chosen_mechanism,
     clip_and_mechanism,
     drawn_mechanism,
+    fitted_part,
     fitted_range,
     free_range,
     left_out,
     prediction_times,
     untracked,
 )
-from monodyn.errors import FitError, MechanismError, SettingsError
+from monodyn.errors import FitError, MechanismError, SettingsError, VideoError
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.results.trace import frame_numbers
 from monodyn.settings import RunSettings
@@ -167,6 +168,22 @@ def test_frames_of_the_fit() -> None:
         )
         with refuses(SettingsError, said):
             fitted_range((first, stop), 12)
+
+
+def test_rows_of_a_table_that_are_fitted() -> None:
+    time = np.arange(12) / 25.0
+    seen, covariance = np.ones(12, dtype=bool), np.tile(np.eye(1), (12, 1, 1))
+    table = Poses(("hinge",), np.arange(12), time, np.zeros((12, 1)), covariance, seen)
+    assert fitted_part(table, None, "a.csv") == (0, 12)
+    assert fitted_part(table, (3, None), "a.csv") == (3, 12)
+    # the motion is simulated before and after the rows that are fitted, too
+    apart = replace(table, time=time + 60.0 * (np.arange(12) >= 8))
+    said = (
+        "a.csv: expected rows that follow each other, got pauses of 60 s between rows of 0.44 s, the longest "
+        "after 0.28 s; give what comes before and after a pause as records of their own."
+    )
+    with refuses(VideoError, said):
+        fitted_part(apart, (0, 6), "a.csv")
 
 
 def test_frames_of_the_fit_where_the_mechanism_moves_freely() -> None:

@@ -33,6 +33,22 @@ def test_records_that_cannot_be_used(poses, double):
         prepare([poses, one], double)
 
 
+def test_a_record_of_pauses_is_refused(poses, double):
+    """Rows would be filled in where nothing was measured, and no motion leads from one part to the next."""
+    apart = replace(poses, time=poses.time + 1000.0 * (np.arange(60) >= 30))
+    usual = float(np.median(np.diff(poses.time))) * 59
+    with refuses(
+        VideoError,
+        f"record 1: expected rows that follow each other, got pauses of 1000 s between rows of {usual:.4g} s, "
+        f"the longest after {poses.time[29]:.6g} s; give what comes before and after a pause as records of "
+        "their own.",
+    ):
+        prepare([poses, apart], double)
+    # what is not measured is no part of the record
+    unseen = replace(apart, seen=np.arange(60) < 30)
+    assert len(prepare([unseen], double).times) == 30
+
+
 def test_gaps_get_rows_that_weigh_nothing(poses, double):
     """No step is over twice the usual one; what was measured keeps its row of the table."""
     holes = replace(poses[:20], seen=~np.isin(np.arange(20), range(8, 14)))

@@ -35,6 +35,20 @@ def test_pictures_numbered_in_steps_are_equally_spaced(tmp_path: Path) -> None:
     assert video.notes == ()
 
 
+def test_a_hole_of_many_numbers_is_a_pause(tmp_path: Path) -> None:
+    for i in (*range(6), *range(9000, 9006)):
+        cv2.imwrite(str(tmp_path / f"{i:04d}.png"), square(i % 100, 64, 48))
+    video = read(tmp_path, rate=25.0)
+    steps = np.diff(video.times)
+    assert np.allclose(np.delete(steps, 5), 0.04, rtol=0, atol=1e-9)
+    assert steps[5] == pytest.approx(10.0, abs=1e-9)
+    assert video.notes == (
+        "The numbers of the pictures jump once; a missing number is taken as a missing picture.",
+        "The times of the frames jump by 359.8 s before frame 6: a pause of 10 s is taken in place of that.",
+    )
+    assert left_edges(video) == [*range(2, 8), *range(2, 8)]
+
+
 def test_folders_that_are_no_clip(tmp_path: Path) -> None:
     suffixes = ".png, .jpg, .jpeg, .bmp, .tif, .tiff"
     with refuses(

@@ -129,10 +129,11 @@ def steps_of(path: Path, numbers: list[int]) -> tuple[np.ndarray, list[str]]:
             f"{numbers[-1]}; remove what is no part of the series."
         )
     notes = []
-    if np.any(apart != unit):
-        gaps = int(np.sum(apart != unit))
+    gaps = int(np.sum(apart != unit))
+    if gaps:
+        often = "once" if gaps == 1 else f"{gaps} times"
         notes.append(
-            f"The numbers of the pictures jump {gaps} times; a missing number is taken as a missing picture."
+            f"The numbers of the pictures jump {often}; a missing number is taken as a missing picture."
         )
     return (np.array(numbers) - numbers[0]) // unit, notes
 
