@@ -40,8 +40,8 @@ def test_a_record_of_pauses_is_refused(poses, double):
     with refuses(
         VideoError,
         "record 1: expected rows that follow each other, got pauses of 1000 s between rows of "
-        f"{usual:.4g} s, the longest after {poses.time[29]:.6g} s; give what comes before and after a pause as records of "
-        "their own.",
+        f"{usual:.4g} s, the longest after {poses.time[29]:.6g} s; give what comes "
+        "before and after a pause as records of their own.",
     ):
         prepare([poses, apart], double)
     # what is not measured is no part of the record
