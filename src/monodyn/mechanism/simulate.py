@@ -407,18 +407,18 @@ def _begins(stamps: np.ndarray, times: np.ndarray, entry: np.ndarray, params: in
         params: Number of parameters.
 
     Returns:
-        int64 (param,); 0 for a parameter that is at no knot, the number of frames for one that never acts.
+        int64 (param,); the number of frames for a parameter that acts by no knot.
     """
     # A knot's torque is a hat between the knots next to it; at the ends it is half a hat.
     early = np.concatenate((stamps[:1], stamps[:-1]))
     late = np.concatenate((stamps[1:], stamps[-1:]))
-    low, high = np.minimum(times[:-1], times[1:]), np.maximum(times[:-1], times[1:])
-    acts = (high[:, None] >= early) & (low[:, None] <= late)
-    first = np.where(acts.any(axis=0), 1 + np.argmax(acts, axis=0), len(times)) if len(acts) else stamps * 0
+    # the first interval that does not end before the hat begins; backwards in time it is the other way round
+    side, begin, end = (1.0, early, late) if times[-1] >= times[0] else (-1.0, -late, -early)
+    at = np.searchsorted(side * times[1:], begin)
+    first = np.where(side * times[at] <= end, at + 1, len(times))
     begins = np.full(params, len(times))
     joints, knots = np.nonzero(entry >= 0)
-    np.minimum.at(begins, entry[joints, knots], first[knots].astype(np.int64))
-    begins[np.setdiff1d(np.arange(params), entry)] = 0
+    np.minimum.at(begins, entry[joints, knots], first[knots])
     return begins
 
 

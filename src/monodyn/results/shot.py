@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monodyn.mechanism.drive import KNOTS, Drive
-from monodyn.mechanism.simulate import rollout, rollout_derivatives
+from monodyn.mechanism.simulate import rollout, rollout_derivatives, rollouts_derivatives
 from monodyn.mechanism.tree import Directions, Tree
 
 STEP = 0.01
@@ -129,13 +129,13 @@ class _Layout:
         self.unit = np.repeat([1.0, RATES], dofs)
         self.inner = (shot.intervals - 1) * len(shot.start)
         self.substeps = max(1, int(np.ceil(shot.seconds / (self.knots - 1) / STEP)))
-        width = shot.parts + 1
-        entry = np.full((dofs, width), -1, dtype=np.int64)
-        for motor, row in enumerate(shot.rows):
-            entry[row] = motor * width + np.arange(width)
-        none = np.zeros(self.motors * width)
+        entry = np.full((dofs, self.knots), -1, dtype=np.int64)
+        entry[list(shot.rows)] = np.arange(self.motors * self.knots).reshape(self.motors, -1)
+        none = np.zeros(self.motors * self.knots)
         links = np.zeros((*shot.tree.links.shape, len(none)))
         self.directions = Directions(links, np.zeros((2, len(none))), entry, none, none, none)
+        # each interval is a run: where two meet, the knot is the end of one and the start of the next
+        self.rows = np.arange(shot.intervals)[:, None] * shot.parts + np.arange(shot.parts + 1)
 
     @property
     def bounds(self) -> list[tuple[float | None, float | None]]:
@@ -182,30 +182,25 @@ class _Layout:
             Gaps (row,) and their derivatives (row, unknown).
         """
         shot, (nodes, torque) = self.shot, self.split(x)
-        wide, parts, dofs = len(self.unit), shot.parts, len(shot.lower)
-        gap = np.empty((shot.intervals, wide))
-        slopes = np.zeros((shot.intervals, wide, len(x)))
-        for k in range(shot.intervals):
-            span = slice(k * parts, (k + 1) * parts + 1)
-            times, table = shot.knots[span], np.zeros((dofs, parts + 1))
-            table[list(shot.rows)] = torque[:, span]
-            q, v, dq, dv = rollout_derivatives(
-                shot.tree, self.directions, times, *np.split(nodes[k], 2), substeps=self.substeps,
-                drive=Drive(KNOTS, times, table),
-            )  # fmt: skip
-            end, by = np.concatenate((q[-1], v[-1])), np.concatenate((dq[-1], dv[-1])) / self.unit[:, None]
-            gap[k] = (end - nodes[k + 1]) / self.unit
-            by_torque, by_node = np.split(by, [self.motors * (parts + 1)], axis=1)
-            for motor in range(self.motors):
-                first = self.inner + motor * self.knots
-                part = by_torque[:, motor * (parts + 1) : (motor + 1) * (parts + 1)]
-                slopes[k, :, first + span.start : first + span.stop] = part * shot.limit[motor]
-            # start and goal are no unknowns
-            if k > 0:
-                slopes[k, :, (k - 1) * wide : k * wide] = by_node * self.unit
-            if k < shot.intervals - 1:
-                slopes[k, :, k * wide : (k + 1) * wide] -= np.eye(wide)
-        return gap.ravel(), slopes.reshape(-1, len(x))
+        wide, runs = len(self.unit), shot.intervals
+        table = np.zeros((len(shot.lower), self.knots))
+        table[list(shot.rows)] = torque
+        q, v, dq, dv = rollouts_derivatives(
+            shot.tree, self.directions, shot.knots[self.rows.ravel()],
+            np.arange(runs + 1) * (shot.parts + 1), nodes[:-1], substeps=self.substeps,
+            drive=Drive(KNOTS, shot.knots, table),
+        )  # fmt: skip
+        last = slice(shot.parts, None, shot.parts + 1)
+        ends, by = np.hstack((q[last], v[last])), np.concatenate((dq[last], dv[last]), axis=1)
+        by_torque, by_node = np.split(by / self.unit[:, None], [self.motors * self.knots], axis=2)
+        slopes = np.zeros((runs, wide, len(x)))
+        slopes[:, :, self.inner :] = by_torque * np.repeat(shot.limit, self.knots)
+        # start and goal are no unknowns
+        for k in range(runs - 1):
+            node = slice(k * wide, (k + 1) * wide)
+            slopes[k + 1, :, node] = by_node[k + 1] * self.unit
+            slopes[k, :, node] = -np.eye(wide)
+        return ((ends - nodes[1:]) / self.unit).ravel(), slopes.reshape(-1, len(x))
 
 
 def along(shot: Shot, found: Found, samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
