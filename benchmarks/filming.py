@@ -199,9 +199,7 @@ def shown(take: Take, folder: Path) -> tuple[np.ndarray, str]:
         return _picture(clip), f"**Refused.** {_plain(error)}"
     document = outcome.document
     angle, length = angle_error(take, outcome.poses, truth)[0], length_error(take, document)[0]
-    verdict = (
-        f"**{document['status']}**" if document["ok"] else f"**Not to be trusted.** {document['status']}"
-    )
+    verdict = f"**{document['status']}**" if document["ok"] else f"**Refused.** {document['status']}"
     notes = [note for note in outcome.notes if "clip k times slower" not in note][:MOST_NOTES]
     off = f"*Off by {_amount(angle, 'deg')} and {_amount(length, '% of a length')}.*"
     say(f"{folder.name}: {document['status']} {off}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Iterator
+from traceback import walk_tb
 
 SPENT = ("ENOSPC", "EDQUOT", "EFBIG", "EMFILE", "ENFILE", "ENOMEM")
 """What the system says when its disks or its limits are reached, whatever file it happens at."""
@@ -33,8 +34,22 @@ class FitError(MonodynError):
     """A result is not to be trusted; raised by ``check()``, carries the status sentence."""
 
 
-def is_interrupt(error: BaseException | None) -> bool:
-    """Return whether Ctrl-C is behind an error, whatever it came out as.
+signals: list[int] = []
+"""Signals that have come to end the program: what fails then fails for the want of what they stopped. Empty
+where somebody else handles them."""
+
+
+def is_interrupt(error: BaseException) -> bool:
+    """Return whether Ctrl-C, or another signal that ends the program, is behind an error.
+
+    Args:
+        error: What was raised.
+    """
+    return bool(signals) or holds_interrupt(error)
+
+
+def holds_interrupt(error: BaseException | None) -> bool:
+    """Return whether an error is what a signal's handler raised, whatever it came out as.
 
     Within a compiled function it is a ``SystemError``, while a library is loaded an ``ImportError``.
 
@@ -42,6 +57,18 @@ def is_interrupt(error: BaseException | None) -> bool:
         error: What was raised; None is nothing.
     """
     return any(isinstance(each, KeyboardInterrupt) for each in _chain(error))
+
+
+def is_of_cache(error: BaseException) -> bool:
+    """Return whether an error is that a file of compiled functions cannot be read.
+
+    Args:
+        error: What was raised.
+    """
+    frames = (frame.f_code.co_filename for frame, _ in walk_tb(error.__traceback__))
+    return not isinstance(error, MemoryError | OSError) and any(
+        name.endswith(("numba/core/caching.py", "numba\\core\\caching.py")) for name in frames
+    )
 
 
 def behind(error: BaseException) -> BaseException:
@@ -77,11 +104,13 @@ def is_unforeseen(error: BaseException) -> bool:
     """Return whether an error is one of Monodyn itself.
 
     It is neither raised on purpose, nor Ctrl-C, nor what the system says of a file that has a name or of its
-    limits.
+    limits, nor a damaged file of compiled functions.
 
     Args:
         error: What was raised.
     """
     if not isinstance(error, Exception) or isinstance(error, MonodynError) or is_interrupt(error):
+        return False
+    if is_of_cache(error):
         return False
     return not (isinstance(error, OSError) and (error.filename or is_spent(error)))

@@ -7,6 +7,7 @@ matter. Checked is at the public door alone: what calls a function from inside p
 from __future__ import annotations
 
 import inspect
+import os
 import threading
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence, Set
 from functools import cache, wraps
@@ -21,6 +22,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 TRUTH = ("bool", "bool_")
 """Types of True and False, of Python and of numpy, which is not loaded for this."""
 
+MOST_BITS = 1024
+"""Bits of whole numbers that a floating-point number cannot hold."""
 CALLED = ("__call__", "__iter__")
 """What a protocol may state beyond its own names."""
 _thread = threading.local()
@@ -169,14 +172,15 @@ def _of_class(value: object, kind: Any) -> bool:
     if kind is None or kind is type(None):
         return value is None
     if kind is float:
-        return isinstance(value, Real) and not isinstance(value, bool)
+        # a whole number may be larger than any number of a computer's arithmetic
+        small = not isinstance(value, int) or value.bit_length() < MOST_BITS
+        return isinstance(value, Real) and not isinstance(value, bool) and small
     if kind is int:
         return isinstance(value, Integral) and not isinstance(value, bool)
     if kind is bool:
         return type(value).__name__ in TRUTH
     if kind is str or kind is Path:
-        # the system knows no name with a zero in it
-        return isinstance(value, kind) and "\0" not in str(value)
+        return isinstance(value, kind) and _nameable(str(value))
     if getattr(kind, "__name__", "") == "ndarray":
         return _is_array(value)
     if kind is Any or not inspect.isclass(kind):
@@ -185,6 +189,14 @@ def _of_class(value: object, kind: Any) -> bool:
         stated = [name for name in (*vars(kind), *kind.__annotations__) if name in CALLED or name[0] != "_"]
         return not inspect.isclass(value) and all(hasattr(value, name) for name in stated)
     return isinstance(value, kind)
+
+
+def _nameable(text: str) -> bool:
+    """True for what the system takes for a name: without a zero, and in its letters."""
+    try:
+        return b"\0" not in os.fsencode(text)
+    except UnicodeEncodeError:
+        return False
 
 
 def _is_array(value: Any) -> bool:
@@ -261,6 +273,8 @@ def kind_of(value: Any) -> str:
     if value is None or (isinstance(value, str | Real) and len(repr(value)) <= 40):
         return repr(value)
     kind = getattr(value, "dtype", None)
+    if isinstance(value, int):
+        return f"a whole number of {value.bit_length()} bits"
     if kind is not None:
         return f"an array of shape {getattr(value, 'shape', ())} and type {kind}"
     count = f" with {len(value)} items" if isinstance(value, tuple) else ""

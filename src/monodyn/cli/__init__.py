@@ -46,13 +46,13 @@ Examples:
 monodyn COMMAND --help shows the options of a command that most people need, --help-all all of them.
 
 Exit codes:
-  0   done
-  1   the fit is not to be trusted
-  2   bad input or usage
-  70  an error of Monodyn itself
-  129 the terminal was closed
-  130 interrupted
-  143 ended by SIGTERM
+  0    done
+  1    the fit is refused
+  2    bad input or usage
+  70   an error of Monodyn itself
+  129  the terminal was closed
+  130  interrupted
+  143  ended by SIGTERM
 """
 
 SIGNALLED = 128
@@ -94,7 +94,7 @@ def _main(words: list[str]) -> int:
         _fail("python -OO: expected docstrings, which the help is made of, got none; leave -OO out.")
         return 2
     from monodyn.cli.streams import never_lost
-    from monodyn.errors import FitError, MonodynError, is_interrupt, is_unforeseen
+    from monodyn.errors import FitError, MonodynError, is_interrupt, is_of_cache, is_unforeseen
 
     came: list[int] = []
     try:
@@ -109,6 +109,15 @@ def _main(words: list[str]) -> int:
         if isinstance(error, MonodynError):
             _fail(str(error))
             return 1 if isinstance(error, FitError) else 2
+        if is_of_cache(error):
+            from monodyn.cli.streams import forget_compiled
+
+            forget_compiled()
+            _fail(
+                f"files of compiled functions were damaged ({type(error).__name__}), and were removed; "
+                "the next command compiles them anew."
+            )
+            return 2
         if isinstance(error, OSError) and not is_unforeseen(error):
             from monodyn.typed import unusable
 
@@ -199,7 +208,9 @@ MOST_LETTERS = 300 - len(NAME)
 def _fail(message: str) -> None:
     from monodyn.names import short
 
-    # what was given is repeated in it, however long: the ends of a word are enough to find it
+    # what was given is repeated in it: it must not command the terminal
+    message = "".join(c if c.isprintable() or c.isspace() else f"\\x{ord(c):02x}" for c in message)
+    # however long it is: the ends of a word are enough to find it
     for longest in (120, 60, 30):
         words = [short(word, longest) for word in message.split()]
         if len(line := " ".join(words)) <= MOST_LETTERS:

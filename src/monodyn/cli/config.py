@@ -17,6 +17,8 @@ from monodyn.results.run_toml import is_no_file
 
 LARGEST = 1_000_000
 """Bytes of a settings file, at most."""
+DEEPEST, MOST_BITS = 20, 64
+"""Tables and lists in one another, and bits of a whole number, at most; the latter is the limit of TOML."""
 
 
 def read_config(file: str | Path, command: str, options: Sequence[Option]) -> dict[str, Any]:
@@ -63,16 +65,38 @@ def _document(path: Path) -> dict[str, Any]:
         if path.stat().st_size > LARGEST:
             raise SettingsError(f"config '{path}': expected at most 1 MB of settings, got more; shorten it.")
         # some editors begin a text with a mark of its encoding, and end lines as Windows does
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         end = "" if path.exists() else meant(near_files(path))
         raise SettingsError(
             f"config '{path}': expected a settings file, got '{error.strerror}'; {end or 'check the path.'}"
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        why = {UnicodeDecodeError: "no UTF-8 text", RecursionError: "too many brackets in one another"}
-        why = why.get(type(error), str(error))
-        raise SettingsError(f"config '{path}': expected TOML, got an error: {why}; correct it.") from None
+    except (ValueError, RecursionError) as error:
+        why = {
+            UnicodeDecodeError: "no UTF-8 text", RecursionError: "too many brackets in one another",
+            ValueError: "a number of too many digits",
+        }.get(type(error), str(error))  # fmt: skip
+    else:
+        why = _unusable(document)
+        if not why:
+            return document
+    raise SettingsError(f"config '{path}': expected TOML, got an error: {why}; correct it.")
+
+
+def _unusable(document: dict[str, Any]) -> str:
+    """Return what no option can have, of all that is in a file; empty where there is nothing."""
+    values: list[tuple[int, Any]] = [(0, document)]
+    while values:
+        depth, value = values.pop()
+        if depth > DEEPEST:
+            return "too many tables in one another"
+        if isinstance(value, int) and value.bit_length() > MOST_BITS:
+            return f"a whole number of more than {MOST_BITS} bits"
+        if isinstance(value, str) and "\0" in value:
+            return "a text with a zero in it"
+        within = [*value, *value.values()] if isinstance(value, dict) else value
+        values += [(depth + 1, one) for one in within] if isinstance(within, list) else []
+    return ""
 
 
 def _entries(
@@ -124,4 +148,12 @@ def _placed(option: Option, items: Any, path: Path) -> Any:
         return [_placed(option, one, path) for one in items]
     if not items:
         raise SettingsError(f"config '{path}': {option.name}: expected a name, got an empty one; give one.")
-    return items if is_no_file(option.name, items) else str(path.parent / Path(items).expanduser())
+    if is_no_file(option.name, items):
+        return items
+    try:
+        return str(path.parent / Path(items).expanduser())
+    except RuntimeError:
+        raise SettingsError(
+            f"config '{path}': {option.name}: expected a file, got '{items}' of nobody here; "
+            "write where it is."
+        ) from None

@@ -83,11 +83,11 @@ class PredictOptions(ResultOptions):
             )  # fmt: skip
         return show_result(
             found.document, found.folder, None if found.fit.ok else found.fit.status,
-            lambda: _print(found, wanted.tolerance), as_json=self.json, quiet=self.quiet,
+            lambda: _print(found, wanted.tolerance, film=self.film), as_json=self.json, quiet=self.quiet,
         )  # fmt: skip
 
 
-def _print(found: Predicted, tolerance: Tolerance) -> None:
+def _print(found: Predicted, tolerance: Tolerance, *, film: bool) -> None:
     """Print the motion, with half the width of its 95 % bands."""
     import numpy as np
 
@@ -116,3 +116,5 @@ def _print(found: Predicted, tolerance: Tolerance) -> None:
         out.print(f"- {note}", markup=False)
     if found.folder is not None:
         out.print(f"plot: {found.folder}/prediction.html", markup=False)
+        if film:
+            out.print(f"film: {found.folder}/prediction.mp4", markup=False)

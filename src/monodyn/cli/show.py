@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 STYLES = {"trusted": "bold green", "approximate": "bold yellow", "refused": "bold red"}
 """How the status is shown, by grade."""
+REFUSED = "Refused: neither the values nor their intervals are to be relied on."
+"""What stands before the tables of a refused fit."""
 WIDEST = 10_000
 """Columns of what tables are laid out on."""
 USUAL = 80
@@ -265,8 +267,12 @@ def _print_fit(outcome: Outcome) -> None:
     out = console()
     document, fit = outcome.document, outcome.fit
     _print_comparison(out, document["comparison"])
+    if document["tried_torques"]:
+        out.print("What acts at the joints, the likeliest first:")
     for row in document["tried_torques"]:
         out.print(f"- {row['kind']}: {row['said']}", markup=False)
+    if document["grade"] == "refused" and fit is not None:
+        out.print(REFUSED, style=STYLES["refused"], markup=False)
     names = set() if fit is None else {row.name for row in listed_rows(fit)}
     if names:
         out.print(_parameters([row for row in document["parameters"] if row["name"] in names]))
@@ -323,9 +329,9 @@ def _parameters(rows: list[dict[str, Any]]) -> Table:
 def _combinations(rows: list[dict[str, Any]]) -> Table:
     from monodyn.numbers import number, short
 
-    table = plain_table("combination", "value", "standard deviation")
+    table = plain_table("combination", "value", "standard deviation", "unit")
     for row in rows:
-        table.add_row(row["name"], number(row["value"], row["std"]), short(row["std"]))
+        table.add_row(row["name"], number(row["value"], row["std"]), short(row["std"]), row["unit"])
     return table
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-from monodyn.errors import SettingsError, is_interrupt
+from monodyn.errors import SettingsError, holds_interrupt, signals
 
 SPELT = "monodyn-spelt"
 """Name of what is done with a letter that a stream cannot encode."""
@@ -169,7 +169,7 @@ class _Presses:
 
     Attributes:
         ours: The signals that are handled here.
-        came: Those that came from outside, in their order.
+        came: Those that came from outside, in their order, also in ``errors.signals`` until the end.
         dropped: Whether Python dropped one.
         sent: Whether the next one is one that was sent again.
         over: Whether none is to be sent any more.
@@ -207,6 +207,7 @@ class _Presses:
             for number in self.ours:
                 signal.signal(number, ENDING[number])
             sys.unraisablehook = self._usual
+            signals.clear()
 
     def _repeat(self) -> None:
         while self.doubtful.get():
@@ -223,9 +224,10 @@ class _Presses:
         self.doubtful.put(True)
         if not self.sent:
             self.came.append(number)
-            raise KeyboardInterrupt
+            signals.append(number)
         self.sent = False
-        if not is_interrupt(sys.exc_info()[1]):
+        # one that comes while another is being handled must not keep it from being written down
+        if not holds_interrupt(sys.exc_info()[1]):
             raise KeyboardInterrupt
 
     def _drop(self, lost: Any) -> None:
@@ -330,6 +332,18 @@ def keep_compiled() -> str:
 def compiled_before() -> bool:
     """Return whether the functions that simulate, which every computation needs, were compiled before."""
     return any(next(folder.rglob("planar.*.nbi"), None) for folder in _compiled_places())
+
+
+def forget_compiled() -> None:
+    """Remove what is kept of the compiled functions of all modules that are loaded."""
+    from numba.core.dispatcher import Dispatcher
+
+    modules = [module for name, module in sys.modules.items() if name.startswith("monodyn.")]
+    compiled = [each for module in modules for each in vars(module).values() if isinstance(each, Dispatcher)]
+    for folder in {Path(each.stats.cache_path) for each in compiled if each.stats.cache_path}:
+        for file in folder.glob("*.nb[ci]"):
+            with contextlib.suppress(OSError):
+                file.unlink()
 
 
 def _compiled_places() -> list[Path]:

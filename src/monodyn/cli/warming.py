@@ -8,8 +8,10 @@ they share the time about evenly.
 from __future__ import annotations
 
 import json
+import os
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -56,7 +58,7 @@ def compiling_beside() -> Iterator[None]:
     with tempfile.TemporaryDirectory(prefix="monodyn-") as folder:
         child = subprocess.Popen(
             [sys.executable, "-m", __name__, folder],
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
         try:
             yield
@@ -114,5 +116,12 @@ def identify_demo(folder: Path) -> Outcome:
     return pipeline.identify_tables([table], MODEL, folder / "run", settings)
 
 
+def _end_with_parent() -> None:
+    """End the process when the one that began it is gone: its end of the pipe is closed then."""
+    sys.stdin.read()
+    os._exit(0)
+
+
 if __name__ == "__main__":
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     identify_demo(Path(sys.argv[1]))

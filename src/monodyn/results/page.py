@@ -255,7 +255,7 @@ def _camera_card(filmed: Filmed) -> dict[str, Any]:
     rows = [
         ("picture", f"{camera.width} × {camera.height} px"),
         ("focal length", f"{camera.focal:.1f} px"),
-        ("position", f"{camera.x:.4f} m right, {camera.y:.4f} m up"),
+        ("position", f"{camera.x:z.4f} m right, {camera.y:z.4f} m up".replace("-", "−")),
         ("distance", f"{camera.depth:.4f} m"),
         ("turn", turns),
     ]

@@ -157,7 +157,11 @@ def least_driven(problem: Problem, motion: SmoothMotion) -> np.ndarray:
         lacking = motion.acceleration - model_accelerations(problem, x, motion)
         falling = model_accelerations(problem, x, motion.at_rest)
         # both as torques, whose ratio has no unit: a larger mechanism needs more of either
-        torque, weight = (np.linalg.solve(per_torque, a[:, :, None])[:, :, 0] for a in (lacking, falling))
+        try:
+            torque, weight = (np.linalg.solve(per_torque, a[:, :, None])[:, :, 0] for a in (lacking, falling))
+        except np.linalg.LinAlgError:
+            # the scale is so far off that a torque moves nothing
+            return float("inf")
         torque, weight = (np.mean(load**2, axis=0)[hangs] for load in (torque, weight))
         return float(np.sum(torque / np.maximum(weight, 1e-30)))
 

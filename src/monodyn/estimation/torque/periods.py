@@ -171,7 +171,7 @@ def guess_periods(
         ends = np.concatenate(([np.inf], row, [np.inf]))
         low = np.flatnonzero((row <= ends[:-2]) & (row < ends[2:]) & (row < scan.nothing))
         # what is far above the best of the scan will not pass it by moving within a step
-        near = low[row[low] < float(values.min()) + NEAR]
+        near = low[row[low] < float(values.min(initial=np.inf)) + NEAR]
         found += [scan.refined(scan.fit(float(periods[i]), count), bounds) for i in near]
     # the same period is found with several numbers of harmonics: the best of them stands for all
     kept: list[PeriodGuess] = []

@@ -16,7 +16,7 @@ from monodyn.estimation.verdict.regrouped import Regrouped, Trees, carried_mass,
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dimensions import Dimensions, dimensions
-from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, DAMPING, HINGE, STIFFNESS, Tree
+from monodyn.mechanism.tree import AIR, ANCHOR_X, ANCHOR_Y, DAMPING, DRAG, FRICTION, HINGE, STIFFNESS, Tree
 
 MOVED = 1e-3
 """An open direction of length one moves a parameter when its relative change along it is above this."""
@@ -31,6 +31,10 @@ REGROUPED = {
     "M": Dimensions(mass=1),
 }
 """Dimensions of the regrouped inertial parameters."""
+JOINT_TERMS = {
+    "damping": DAMPING, "friction": FRICTION, "drag": DRAG, "air": AIR, "stiffness": STIFFNESS
+}  # fmt: skip
+"""Kinds of a joint's own terms, and their columns; each acts on an inertia."""
 REFERENCE = ("thickness", "density", "mass", "inertia", "length", "gravity", "time_scale")
 """Kinds by which the others are divided, the first of them that serves."""
 
@@ -48,8 +52,8 @@ def combinations(
         drawn: Draws of the posterior, from which intervals are taken where there are any.
 
     Returns:
-        Products of powers of parameters, dampings and stiffnesses over the inertia they act on, and for
-        bodies with free inertia the regrouped inertial parameters, in ratios or, under known torques,
+        Products of powers of parameters, what joints add over the inertia it acts on, and for bodies with
+        free inertia the regrouped inertial parameters, in ratios or, under known torques,
         themselves.
     """
     found = [*_powers(problem, x, known, drawn), *_regrouped(problem, x, known, drawn)]
@@ -236,12 +240,12 @@ def inertial_ratios(mechanism: Mechanism, tree: Tree | Trees, *, full: bool) -> 
     With M_j the mass of everything that hangs on joint j and a_j its place on the body:
     ``<body>.J`` = I + m c.c + sum_j M_j a_j.a_j about the body's own hinge, ``<body>.mx`` = m c_x + sum_j M_j
     a_jx and ``.my`` likewise, ``<body>.M`` = M of a slide. All is divided by J of the last hinged body,
-    dampings and stiffnesses by J (or M) of the body at the joint.
+    what each joint adds of its own (dampings, frictions, drags, stiffnesses) by J (or M) of its body.
 
     Args:
         mechanism: Gives the names.
         tree: The joint tree, complex for a derivative; or many.
-        full: All ratios; otherwise only dampings and stiffnesses over inertias.
+        full: All ratios; otherwise only what joints add over inertias.
 
     Returns:
         Values by name [SI], () or (draw,).
@@ -257,7 +261,7 @@ def inertial_ratios(mechanism: Mechanism, tree: Tree | Trees, *, full: bool) -> 
             over, label = about.inertia[i], "J"
         else:
             over, label = (0.0 if tree.kind[i] == HINGE else carried[i]), "M"
-        for kind, column in (("damping", DAMPING), ("stiffness", STIFFNESS)):
+        for kind, column in JOINT_TERMS.items():
             term = tree.links[i, column]
             if np.all(over != 0) and np.any(term != 0):
                 ratios[f"{joint.name}.{kind} / {joint.body}.{label}"] = term / over

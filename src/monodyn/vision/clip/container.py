@@ -311,13 +311,13 @@ def _note_missing(path: Path, times: np.ndarray, notes: list[str]) -> None:
         start = float(container.start_time) / 1e6 if container.start_time else 0.0
         alone = len(container.streams) == 1
     step = float(np.median(np.diff(times)))
+    # some formats count their duration from time 0, others from the first stamp
+    end = max(times[-1], times[-1] - start)
     # the duration is that of the longest stream: with sound it gives no information about the pictures
     if announced > len(times) + 1:
         notes.append(f"The file announces {announced} frames but holds {len(times)}; it is cut short.")
-    elif alone and duration > times[-1] - start + max(3 * step, 0.05 * duration):
-        notes.append(
-            f"The file announces {duration:.2f} s but ends at {times[-1] - start:.2f} s; it is cut short."
-        )
+    elif alone and duration > end + max(3 * step, 0.05 * duration):
+        notes.append(f"The file announces {duration:.2f} s but ends at {end:.2f} s; it is cut short.")
 
 
 class _Clip:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections.abc import Iterator
 from functools import partial
@@ -121,21 +122,21 @@ def steps_of(path: Path, numbers: list[int]) -> tuple[np.ndarray, list[str]]:
         VideoError: the numbers go far beyond the pictures of any clip.
     """
     # numbers in steps of ten are a series of every picture: the unit is their greatest common divisor
-    apart = np.diff(numbers)
-    unit = max(int(np.gcd.reduce(apart)), 1)
+    apart = [b - a for a, b in itertools.pairwise(numbers)]
+    unit = max(math.gcd(*apart), 1)
     if (numbers[-1] - numbers[0]) // unit >= MOST_STEPS:
         raise VideoError(
             f"clip '{path}': expected pictures with numbers up to {MOST_STEPS} apart, got {numbers[0]} to "
             f"{numbers[-1]}; remove what is no part of the series."
         )
     notes = []
-    gaps = int(np.sum(apart != unit))
+    gaps = sum(step != unit for step in apart)
     if gaps:
         often = "once" if gaps == 1 else f"{gaps} times"
         notes.append(
             f"The numbers of the pictures jump {often}; a missing number is taken as a missing picture."
         )
-    return (np.array(numbers) - numbers[0]) // unit, notes
+    return np.array([(number - numbers[0]) // unit for number in numbers]), notes
 
 
 def series(path: Path) -> tuple[list[Path], list[int]]:
