@@ -55,6 +55,21 @@ def test_a_message_says_what_was_expected_and_what_was_given() -> None:
         monodyn.identify("poses.csv", monodyn.load("single"))  # type: ignore[arg-type]
 
 
+def test_numbers_and_names_that_a_computer_cannot_hold_are_refused() -> None:
+    with refuses(
+        SettingsError,
+        "read: expected rate to be a number or None, got a whole number of 1329 bits; give another.",
+    ):
+        monodyn.read("clip.mp4", rate=10**400)
+    with refuses(
+        SettingsError, "read_points: expected path to be a text or a path, got '\\ud800'; give another."
+    ):
+        monodyn.read_points("\ud800")
+    assert is_a(10**300, float)
+    # names of files that are no text are names all the same
+    assert is_a(os.fsdecode(b"a\xff"), str)
+
+
 def test_settings_and_choices_of_other_types_are_refused() -> None:
     with refuses(SettingsError, "locate: expected focal to be a number, got 'wide'; give another."):
         monodyn.LocateSettings(focal="wide")  # type: ignore[arg-type]

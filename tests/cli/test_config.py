@@ -224,3 +224,29 @@ def test_commands_without_inputs_take_no_file() -> None:
     said = "models: expected known options, got --config, a.toml; see monodyn models --help."
     with refuses(SettingsError, said):
         parsed("models", ["--config", "a.toml"])
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (f"seed = {'9' * 5000}", "a number of too many digits"),
+        (f"seed = 0x{'f' * 5000}", "a whole number of more than 64 bits"),
+        (f"fix = {{gravity = 0x{'f' * 5000}}}", "a whole number of more than 64 bits"),
+        (".".join(["a"] * 3000) + " = 1", "too many tables in one another"),
+        ('out = "o\\u0000p"', "a text with a zero in it"),
+        ('"a\\u0000b" = 1', "a text with a zero in it"),
+    ],
+)
+def test_what_no_option_can_have_is_refused(text: str, why: str, tmp_path: Path) -> None:
+    path = written(tmp_path, text)
+    with refuses(SettingsError, f"config '{path}': expected TOML, got an error: {why}; correct it."):
+        parsed("run", ["--config", str(path)])
+
+
+def test_a_folder_of_nobody_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, 'clip = "~nosuchuser/x.mp4"')
+    with refuses(
+        SettingsError,
+        f"config '{path}': clip: expected a file, got '~nosuchuser/x.mp4' of nobody here; write where it is.",
+    ):
+        parsed("run", ["--config", str(path)])

@@ -49,7 +49,7 @@ def test_a_fit_is_shown_as_tables_status_and_advice(capsys: pytest.CaptureFixtur
         ["parameter", "value", "95", "%", "interval", "unit"],
         ["link1.length", "0.2", "0.198", "to", "0.202", "m"],
         ["joint1.damping", "0.001", "not", "determined", "N", "m", "s/rad"],
-        ["combination", "value", "standard", "deviation"],
+        ["combination", "value", "standard", "deviation", "unit"],
         ["joint1.damping", "/", "link1.J", "0.1235", "0.0012"],
         ["joint", "fit", "rms", "prediction", "rms", "unit"],
         ["joint1", "0.0573", "0.0573", "deg"],
@@ -181,3 +181,19 @@ def test_progress_is_a_bar_on_a_terminal(columns: str, monkeypatch: pytest.Monke
         progress("track", 8, 8)
     assert "track" in stream.getvalue()
     assert "8/8" in stream.getvalue()
+
+
+def test_a_refused_fit_says_so_before_its_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+    said = outcome()
+    document = {
+        **said.document,
+        "grade": "refused",
+        "tried_torques": [{"kind": "friction", "said": "it is."}],
+    }
+    show(replace(said, document=document), as_json=False, quiet=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:3] == [
+        "What acts at the joints, the likeliest first:",
+        "- friction: it is.",
+        "Refused: neither the values nor their intervals are to be relied on.",
+    ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import importlib.util
 import io
 import json
 import os
@@ -14,9 +15,11 @@ import time
 import weakref
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from monodyn import errors
 from monodyn.cli import main, show, streams
 from monodyn.cli.show import progress_on
 from monodyn.errors import SettingsError
@@ -224,7 +227,9 @@ def test_what_ctrl_c_still_has_to_do_is_not_disturbed(monkeypatch: pytest.Monkey
     assert done == ["cleaned up"]
 
 
-def test_a_second_ctrl_c_does_not_wait_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_ctrl_c_does_not_wait_for_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     done = []
 
     def stopped(**_: object) -> None:
@@ -236,6 +241,62 @@ def test_a_second_ctrl_c_does_not_wait_for_it(monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(show, "show_models", stopped)
     assert (main(["models"]), done) == (130, [])
+    # nobody knows any more what was written
+    assert capsys.readouterr().err == "monodyn: interrupted; what was written before stays.\n"
+    assert errors.signals == []
+
+
+def test_what_a_signal_stops_is_no_error_of_ours_though_nothing_shows_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """A library that is called back may lose what the handler raised, and fail for the want of it."""
+
+    def stopped(**_: object) -> None:
+        folder = RunFolder(tmp_path / "run")
+        with recorded(folder, RunLog("run", {}, {})):
+            with contextlib.suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGTERM)
+            raise RuntimeError("no compiled object yet")
+
+    monkeypatch.setattr(show, "show_models", stopped)
+    assert main(["models"]) == 143
+    assert (
+        capsys.readouterr().err
+        == f"monodyn: terminated; what was finished is in '{tmp_path / 'run'}', which --force replaces.\n"
+    )
+    assert [file.name for file in (tmp_path / "run").iterdir()] == ["run.json"]
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "interrupted"
+
+
+def test_damaged_files_of_compiled_functions_are_removed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Power that fails while they are written leaves such files."""
+    source = tmp_path / "kernels.py"
+    source.write_text("from numba import njit\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n")
+
+    def loaded() -> Any:
+        spec = importlib.util.spec_from_file_location("monodyn.kernels", source)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, "monodyn.kernels", module)
+        spec.loader.exec_module(module)
+        return module.twice
+
+    assert loaded()(2) == 4
+    kept = [*tmp_path.rglob("kernels.twice*.nbi"), *tmp_path.rglob("kernels.twice*.nbc")]
+    assert len(kept) == 2
+    for file in kept:
+        os.truncate(file, 10)
+    monkeypatch.setattr(show, "show_models", lambda **_: loaded()(2))
+    assert main(["models"]) == 2
+    assert capsys.readouterr().err == (
+        "monodyn: files of compiled functions were damaged (UnpicklingError), and were removed; the next "
+        "command compiles them anew.\n"
+    )
+    assert not any(file.exists() for file in kept)
+    assert loaded()(2) == 4
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends SIGTERM")

@@ -45,6 +45,15 @@ def test_the_other_process_ends_with_this_one_and_leaves_nothing(
     assert not list(tmp_path.iterdir())
 
 
+def test_the_other_process_ends_when_nothing_is_left_of_this_one(tmp_path: Path) -> None:
+    """Of what SIGKILL ends the system closes the pipe."""
+    child = subprocess.Popen([sys.executable, "-m", warming.__name__, str(tmp_path)], stdin=subprocess.PIPE)
+    assert child.stdin is not None
+    child.stdin.close()
+    assert child.wait(60) == 0
+    assert not (tmp_path / "run").exists()
+
+
 @pytest.mark.parametrize(
     ("words", "compiled", "beside"),
     [

@@ -17,8 +17,9 @@ from driven import (
 )
 from monodyn.estimation.record.samples import prepare
 from monodyn.estimation.record.smooth import smooth
+from monodyn.estimation.shooting import starts
 from monodyn.estimation.shooting.problem import posed
-from monodyn.estimation.torque.periods import PeriodSearch
+from monodyn.estimation.torque.periods import PeriodSearch, guess_periods
 from monodyn.mechanism import load
 from monodyn.types import Poses
 from support import slow
@@ -77,6 +78,27 @@ def test_periods_stay_within_bounds(lower, upper, driven, tmp_path):
     assert all(lower <= guess.period <= upper for guess in guesses)
     if lower < PERIOD < upper:
         assert guesses[0].period == pytest.approx(PERIOD, rel=0.01)
+
+
+def test_bounds_between_which_the_record_shows_nothing_give_no_period(driven, tmp_path):
+    start = started(DOUBLE, tmp_path, 0.5, **THICKNESS)
+    search = PeriodSearch.of(start, prepare(driven[:1], start), (smooth(driven[0]),))
+    for bounds in ((1e-9, 1e-8), (1e7, 1e8)):
+        assert guess_periods(search.problem, search.x, search.motion, 0, bounds) == []
+
+
+def test_a_scale_at_which_no_torque_moves_anything_is_not_taken(driven, tmp_path, monkeypatch):
+    """As where half of a record is in seconds and the other half in microseconds."""
+    start = started(DOUBLE, tmp_path, 0.5, **THICKNESS)
+    search = PeriodSearch.of(start, prepare(driven[:1], start), (smooth(driven[0]),))
+    scales, usual = starts.starts_of_scales(search.problem, starts.FINE_FACTORS), starts.torque_response
+
+    def response(problem, x, motion):
+        found = usual(problem, x, motion)
+        return found if np.array_equal(x, scales[3]) else 0.0 * found
+
+    monkeypatch.setattr(starts, "torque_response", response)
+    np.testing.assert_array_equal(starts.least_driven(search.problem, search.motion), scales[3])
 
 
 def test_rows_without_a_joint_tell_no_period(driven, tmp_path):

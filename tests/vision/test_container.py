@@ -56,6 +56,15 @@ def frame_time(path: Path, number: int) -> float:
         return float(next(itertools.islice(stored.decode(video=0), number, None)).time)
 
 
+@pytest.mark.parametrize("suffix", [".mkv", ".mp4"])
+def test_a_clock_that_began_long_before_cuts_nothing_short(make_clip: ClipMaker, suffix: str) -> None:
+    """Some containers count their duration from time 0 on, others from the first stamp."""
+    stamps = (25_000_000 + np.arange(12)).tolist()
+    video = read(make_clip("clip" + suffix, stamps=stamps, base=Fraction(1, 25)))
+    assert np.allclose(np.diff(video.times), 0.04)
+    assert video.notes == ()
+
+
 def test_a_variable_rate_in_milliseconds_says_so(make_clip: ClipMaker) -> None:
     stamps = [0, 30, 75, 100, 131, 180, 201, 240, 266, 300, 340, 377]
     video = read(make_clip("clip.mkv", stamps=stamps, base=Fraction(1, 1000)))

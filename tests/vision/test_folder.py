@@ -49,6 +49,20 @@ def test_a_hole_of_many_numbers_is_a_pause(tmp_path: Path) -> None:
     assert left_edges(video) == [*range(2, 8), *range(2, 8)]
 
 
+def test_numbers_of_any_size(tmp_path: Path) -> None:
+    first = 2**63 - 3
+    for i in range(6):
+        cv2.imwrite(str(tmp_path / f"{first + i}.png"), square(i, 64, 48))
+    assert np.allclose(read(tmp_path, rate=25.0).times, np.arange(6) / 25.0)
+    cv2.imwrite(str(tmp_path / "0.png"), square(0, 64, 48))
+    with refuses(
+        VideoError,
+        f"clip '{tmp_path}': expected pictures with numbers up to 1000000 apart, got 0 to {first + 5}; "
+        "remove what is no part of the series.",
+    ):
+        read(tmp_path)
+
+
 def test_folders_that_are_no_clip(tmp_path: Path) -> None:
     suffixes = ".png, .jpg, .jpeg, .bmp, .tif, .tiff"
     with refuses(

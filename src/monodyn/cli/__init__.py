@@ -101,7 +101,9 @@ def _main(words: list[str]) -> int:
         with never_lost() as came:
             return _dispatch(words)
     except KeyboardInterrupt as stop:
-        return _interrupted(*stop.args, number=(*came, INTERRUPT)[0])
+        # the second one does not wait until the first one can say what there is
+        twice = ("what was written before stays.",) if len(came) > 1 else ()
+        return _interrupted(*(stop.args or twice), number=(*came, INTERRUPT)[0])
     except Exception as error:
         # an import that is stopped may come out as a package that is not installed
         if is_interrupt(error):

@@ -225,8 +225,8 @@ class _Presses:
         if not self.sent:
             self.came.append(number)
             signals.append(number)
+            raise KeyboardInterrupt
         self.sent = False
-        # one that comes while another is being handled must not keep it from being written down
         if not holds_interrupt(sys.exc_info()[1]):
             raise KeyboardInterrupt
 

@@ -55,16 +55,17 @@ def compiling_beside() -> Iterator[None]:
     import subprocess
 
     # the folder is this process's: the other one may be killed
-    with tempfile.TemporaryDirectory(prefix="monodyn-") as folder:
-        child = subprocess.Popen(
+    with (
+        tempfile.TemporaryDirectory(prefix="monodyn-") as folder,
+        subprocess.Popen(
             [sys.executable, "-m", __name__, folder],
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+        ) as child,
+    ):  # fmt: skip
         try:
             yield
         finally:
             child.kill()
-            child.wait()
 
 
 def warm(progress: Progress | None = None) -> None:
