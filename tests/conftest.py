@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -10,6 +11,7 @@ import av
 import numpy as np
 import pytest
 
+from monodyn.cli.streams import ENDING
 from support import ClipMaker, square
 
 CODECS = {
@@ -21,6 +23,13 @@ CODECS = {
     ".gif": ("gif", "rgb8", {}),
     ".h264": ("libx264", "yuv420p", {"crf": "10", "bf": "0"}),
 }
+
+
+def pytest_configure() -> None:
+    """Have signals do what they usually do: tests send some that nohup, or a shell, had this process ignore."""
+    for number, usual in ENDING.items():
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, usual)
 
 
 @pytest.fixture
