@@ -301,7 +301,7 @@ def _run(
                     torque(mode, stamps, table, begin, middle, value, rate, tau, slope)
                 forward(parent, kind, links, gravity, x, u, tau, hold, w, h, a)
                 # the first stage does not depend on the length of the part, but where a joint is held
-                length = part_of_step(parent, kind, links, u, a, h, left, step, hold)
+                length = part_of_step(parent, kind, links, u, a, h, left, step, substeps, hold)
                 if hold.any():
                     forward(parent, kind, links, gravity, x, u, tau, hold, w, h, a)
                 a0[:] = a

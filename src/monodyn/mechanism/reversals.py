@@ -23,32 +23,36 @@ LED = 0.25
 """The same in units of its lead, where friction that leads brings a joint to rest: exact to 1e-4 then."""
 TURNED = 0.5
 """Change of the smoothed sign in a part of a step, at most, where friction leads."""
-MOST_HELD, FASTEST = 64, 3e4
-"""Such parts of a step at most, and the largest rate at which a joint comes to rest [1/s] ..."""
+MOST_HELD, MOST_BETWEEN, FASTEST = 64, 512, 3e4
+"""Such parts of a step, and of all steps between two stamps, at most, and the largest rate at which a joint
+comes to rest [1/s] ..."""
 SHARE = 0.5
 """... and how much of what friction would take off the rate in a longer one is added to the inertia, by the
 rate: the way to rest is then gone by two thirds at most, for any length."""
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def part_of_step(parent, kind, links, v, a, h, left, step, hold):  # pragma: no cover - compiled
+def part_of_step(parent, kind, links, v, a, h, left, step, substeps, hold):  # pragma: no cover - compiled
     """Return how far to go at once of what is ``left`` of a step, where dry friction may change its sign.
 
     A step over the change misses it by its own length times the friction, however smooth all else is; so one
     goes up to it, and through it by parts in which a rate changes by at most ``RESOLVED`` widths of the
     friction's own transition. A joint that is held has no acceleration, but comes to rest so fast that longer
     parts than ``STABLE`` would leave that state, and still more its derivatives. Where that takes more than
-    ``MOST_HELD`` of them, or goes faster than ``FASTEST``, under a friction that hardly anything overcomes,
-    the joint is not followed to its rest: ``hold`` (dof,) is filled by what is added to its inertia, so that
-    it goes a share of the way to rest in a part of any length. Derivatives leave out how that changes.
+    ``MOST_HELD`` or ``MOST_BETWEEN`` of them, or goes faster than ``FASTEST``, under a friction that hardly
+    anything overcomes, the joint is not followed to its rest: ``hold`` (dof,) is filled by what is added to
+    its inertia, so that it goes a share of the way to rest in a part of any length. Derivatives leave out how
+    that changes.
 
-    ``v`` and ``a`` (dof,) are rates and accelerations now, ``h`` (dof, dof) the factored inertia matrix.
+    ``step`` is one of ``substeps`` between two stamps; ``v`` and ``a`` (dof,) are rates and accelerations
+    now, ``h`` (dof, dof) the factored inertia matrix.
 
     Source:
         Hairer and Wanner, Solving Ordinary Differential Equations II, 1996, section IV.7 (linearly implicit
         methods with an inexact Jacobian).
     """
     longest, held, forth = abs(left), 0.0, 1.0 if step > 0.0 else -1.0
+    most = min(MOST_HELD, max(MOST_BETWEEN // substeps, 1))
     for i in range(links.shape[0]):
         hold[i] = 0.0
         if links[i, FRICTION].real == 0.0:
@@ -61,7 +65,7 @@ def part_of_step(parent, kind, links, v, a, h, left, step, hold):  # pragma: no 
         alone = links[i, FRICTION].real * _yield(parent, h, i)
         # within its turn friction that leads takes the rate to zero in the time of the lead, not faster
         free = alone if lead == 0.0 else min(alone, creep / lead)
-        if free > FASTEST * creep or free * abs(step) > STABLE * MOST_HELD * creep:
+        if free > FASTEST * creep or free * abs(step) > STABLE * most * creep:
             hold[i] = free
         elif beyond > 0.0:
             longest = min(longest, (beyond / AHEAD + RESOLVED * creep) / change)

@@ -176,7 +176,7 @@ def _run(
                     forward(parent, kind, links, gravity, x, u, tau, hold, w, h, a)
                     # as in ``planar.rollouts``, so that these are the derivatives of that very rollout
                     if r == 0:
-                        length = part_of_step(parent, kind, links, u, a, h, left, step, hold)
+                        length = part_of_step(parent, kind, links, u, a, h, left, step, substeps, hold)
                         if hold.any():
                             forward(parent, kind, links, gravity, x, u, tau, hold, w, h, a)
                     outward(parent, kind, links, gravity, u, a, w, d)
