@@ -26,7 +26,7 @@ CODECS = {
 
 
 def pytest_configure() -> None:
-    """Have signals do what they usually do: tests send some that nohup, or a shell, had this process ignore."""
+    """Have signals do what they usually do: tests send some that nohup, or a shell, had us ignore."""
     for number, usual in ENDING.items():
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
