@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Iterator
+from pathlib import Path
 from traceback import walk_tb
 
 SPENT = ("ENOSPC", "EDQUOT", "EFBIG", "EMFILE", "ENFILE", "ENOMEM")
@@ -65,9 +66,11 @@ def is_of_cache(error: BaseException) -> bool:
     Args:
         error: What was raised.
     """
-    frames = (frame.f_code.co_filename for frame, _ in walk_tb(error.__traceback__))
+    codes = (frame.f_code for frame, _ in walk_tb(error.__traceback__))
     return not isinstance(error, MemoryError | OSError) and any(
-        name.endswith(("numba/core/caching.py", "numba\\core\\caching.py")) for name in frames
+        Path(code.co_filename).parts[-3:] == ("numba", "core", "caching.py")
+        and code.co_name.lstrip("_").startswith("load")
+        for code in codes
     )
 
 
@@ -109,8 +112,8 @@ def is_unforeseen(error: BaseException) -> bool:
     Args:
         error: What was raised.
     """
-    if not isinstance(error, Exception) or isinstance(error, MonodynError) or is_interrupt(error):
+    if not isinstance(error, Exception) or isinstance(error, MonodynError):
         return False
-    if is_of_cache(error):
+    if is_interrupt(error) or is_of_cache(error):
         return False
     return not (isinstance(error, OSError) and (error.filename or is_spent(error)))

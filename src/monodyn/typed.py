@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import sys
 import threading
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence, Set
 from functools import cache, wraps
@@ -22,8 +23,6 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 TRUTH = ("bool", "bool_")
 """Types of True and False, of Python and of numpy, which is not loaded for this."""
 
-MOST_BITS = 1024
-"""Bits of whole numbers that a floating-point number cannot hold."""
 CALLED = ("__call__", "__iter__")
 """What a protocol may state beyond its own names."""
 _thread = threading.local()
@@ -173,7 +172,7 @@ def _of_class(value: object, kind: Any) -> bool:
         return value is None
     if kind is float:
         # a whole number may be larger than any number of a computer's arithmetic
-        small = not isinstance(value, int) or value.bit_length() < MOST_BITS
+        small = not isinstance(value, int) or value.bit_length() < sys.float_info.max_exp
         return isinstance(value, Real) and not isinstance(value, bool) and small
     if kind is int:
         return isinstance(value, Integral) and not isinstance(value, bool)

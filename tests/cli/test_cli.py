@@ -416,6 +416,11 @@ def test_a_message_has_at_most_300_letters_whatever_was_given(given: str, shown:
     assert message.endswith(" more.")
 
 
+def test_a_name_does_not_command_the_terminal() -> None:
+    message = refused("run", "a\x1b[31m\x07b.mp4", "--model", MODEL, "--out", "o")
+    assert message.startswith(r"clip 'a\x1b[31m\x07b.mp4': ")
+
+
 @pytest.mark.parametrize(
     "words",
     [

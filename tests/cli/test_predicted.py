@@ -11,7 +11,10 @@ import pytest
 
 import monodyn
 from fits import identified, record
+from monodyn.choices import Tolerance
+from monodyn.cli import predicted
 from monodyn.estimation.fit import Doubt, Estimate
+from monodyn.results.predicted import Wanted, predict_run
 from support import command
 
 
@@ -30,6 +33,14 @@ def test_the_table_has_the_start_and_the_end_and_says_how_long_it_holds(run, tmp
     assert "after the start" in done.out or "over all of the" in done.out
     assert f"plot: {tmp_path / 'ahead'}/prediction.html" in done.out
     assert (tmp_path / "ahead" / "prediction.csv").is_file()
+
+
+def test_the_film_is_named(run, tmp_path, capsys):
+    found = predict_run(run, tmp_path / "ahead", Wanted({"joint1": 0.5}))
+    for film in (False, True):
+        predicted._print(found, Tolerance(), film=film)
+        said = capsys.readouterr().out
+        assert (f"film: {tmp_path / 'ahead'}/prediction.mp4\n" in said) is film
 
 
 def test_the_table_has_half_the_width_of_the_band_and_says_so(run):

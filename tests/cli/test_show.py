@@ -195,5 +195,5 @@ def test_a_refused_fit_says_so_before_its_numbers(capsys: pytest.CaptureFixture[
     assert lines[:3] == [
         "What acts at the joints, the likeliest first:",
         "- friction: it is.",
-        "Refused: neither the values nor their intervals are to be relied on.",
+        "A refused fit tells nothing of the mechanism: neither values nor intervals are to be relied on.",
     ]

@@ -268,6 +268,22 @@ def test_what_a_signal_stops_is_no_error_of_ours_though_nothing_shows_it(
     assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "interrupted"
 
 
+def test_what_fails_as_compiled_functions_are_kept_is_an_error_of_ours() -> None:
+    """Only a file that is read can be damaged."""
+    raised = {}
+    for name in ("_load_index", "save_overload"):
+        source = compile(f"def {name}():\n    raise EOFError\n", "/lib/numba/core/caching.py", "exec")
+        there: dict[str, Any] = {}
+        exec(source, there)
+        with pytest.raises(EOFError) as caught:
+            there[name]()
+        raised[name] = caught.value
+    assert errors.is_of_cache(raised["_load_index"])
+    assert not errors.is_unforeseen(raised["_load_index"])
+    assert not errors.is_of_cache(raised["save_overload"])
+    assert errors.is_unforeseen(raised["save_overload"])
+
+
 def test_damaged_files_of_compiled_functions_are_removed(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -1,11 +1,14 @@
 """The door to motion: substeps from a stated error, what it refuses."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from monodyn.errors import MechanismError
 from monodyn.mechanism import load, planar, reversals
+from monodyn.mechanism import simulate as simulate_module
 from monodyn.mechanism.drive import UNDRIVEN
 from monodyn.mechanism.simulate import (
     Trajectory,
@@ -19,7 +22,7 @@ from monodyn.mechanism.simulate import (
     simulate,
     transitions,
 )
-from monodyn.mechanism.tree import CREEP, SLIDE
+from monodyn.mechanism.tree import CREEP, HINGE, SLIDE
 from support import refuses
 
 
@@ -187,6 +190,44 @@ def test_what_friction_alone_gives_a_joint_is_that_of_the_whole_inertia() -> Non
     for i in range(n):
         pushed = accelerations(tree, q[None], v[None], np.eye(n)[[i]])[0]
         assert reversals._yield(tree.parent, h, i) == pytest.approx((pushed - a)[i], rel=1e-9)
+
+
+@pytest.mark.parametrize("forth", [1.0, -1.0])
+def test_a_knot_is_carried_along_from_where_its_hat_begins(forth: float) -> None:
+    """Each in the interval in which its torque is first not zero, on a grid far finer than the knots."""
+    rng = np.random.default_rng(3)
+    stamps, times = np.sort(rng.uniform(0.0, 2.0, 9)), np.sort(forth * rng.uniform(0.4, 1.6, 12))
+    times = forth * times
+    entry = np.array([[0, -1, 1, 2, 3, 4, -1, 5, 6]])
+    begins = simulate_module._begins(stamps, times, entry, 8)
+    for parameter in range(8):
+        knot = np.flatnonzero(entry[0] == parameter)
+        shows = []
+        for a, b in itertools.pairwise(times):
+            hat = np.interp(np.linspace(a, b, 2001), stamps, np.arange(9) == (knot[0] if len(knot) else -1))
+            shows.append(hat[1:-1].any())
+        assert begins[parameter] == (1 + shows.index(True) if any(shows) else len(times))
+
+
+@pytest.mark.parametrize(("substeps", "followed"), [(1, True), (8, True), (64, False)])
+def test_a_held_joint_is_followed_in_so_many_parts_between_two_stamps(substeps: int, followed: bool) -> None:
+    """Each step would take 32 of them."""
+    tree = load("double").with_choices(fix={"joint1.friction": 1e-2}).tree
+    zero, work, h, a, hold = (
+        np.zeros(2),
+        np.empty((2, planar.WORK)),
+        np.empty((2, 2)),
+        np.empty(2),
+        np.empty(2),
+    )
+    planar.forward(tree.parent, tree.kind, tree.links, tree.gravity, zero, zero, zero, zero, work, h, a)
+    fastest = 1e-2 * reversals._yield(tree.parent, h, 0) / CREEP[HINGE]
+    step = 32 * reversals.STABLE / fastest
+    part = reversals.part_of_step(
+        tree.parent, tree.kind, tree.links, zero, zero, h, step, step, substeps, hold
+    )  # fmt: skip
+    assert part == pytest.approx(step / 32 if followed else step, rel=1e-9)
+    assert hold.tolist() == [0.0, 0.0] if followed else hold[0] > 0.0
 
 
 def test_a_joint_under_friction_that_nothing_overcomes_stays() -> None:

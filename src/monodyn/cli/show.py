@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 STYLES = {"trusted": "bold green", "approximate": "bold yellow", "refused": "bold red"}
 """How the status is shown, by grade."""
-REFUSED = "Refused: neither the values nor their intervals are to be relied on."
-"""What stands before the tables of a refused fit."""
 WIDEST = 10_000
 """Columns of what tables are laid out on."""
 USUAL = 80
@@ -262,7 +260,7 @@ def _print_tracking(outcome: Outcome) -> None:
 
 
 def _print_fit(outcome: Outcome) -> None:
-    from monodyn.results.findings import listed_rows
+    from monodyn.results.findings import REFUSED, listed_rows
 
     out = console()
     document, fit = outcome.document, outcome.fit

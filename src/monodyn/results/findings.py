@@ -41,6 +41,9 @@ FORMULAS = {
 Openness = Literal["factor", "combined", "open"]
 """What is left open of a parameter that is not determined."""
 
+REFUSED = "A refused fit tells nothing of the mechanism: neither values nor intervals are to be relied on."
+"""What stands before its numbers."""
+
 
 @dataclass(frozen=True, eq=False)
 class Findings:

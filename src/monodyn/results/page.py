@@ -17,7 +17,7 @@ import numpy as np
 from monodyn.mechanism.tree import BRAKES
 from monodyn.numbers import number, short, shown_in
 from monodyn.results.curves import camera_curves, motion_curves, torque_curves
-from monodyn.results.findings import Findings, frames_of, listed_rows, openness
+from monodyn.results.findings import REFUSED, Findings, frames_of, listed_rows, openness
 from monodyn.results.gaps import how_filled
 from monodyn.results.horizon import Horizon, allowed, horizon_said, lasts
 from monodyn.results.next_steps import Step, next_steps
@@ -108,6 +108,7 @@ def page_text(
         subtitle=findings.subtitle,
         status=str(fit.status),
         grade=fit.grade,
+        refused=REFUSED,
         advice=findings.advice,
         comparison=findings.comparison,
         tried_torques=findings.fit.tried_torques,
