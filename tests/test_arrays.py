@@ -26,6 +26,20 @@ def test_a_frozen_array_is_a_copy_that_cannot_change() -> None:
     assert not kept.flags.writeable
 
 
+def test_what_is_frozen_stays_itself_and_what_another_array_can_change_is_copied() -> None:
+    kept = frozen("x", [1.0, 2.0], (2,))
+    assert frozen("y", kept, (2,)) is kept
+    assert frozen("y", kept, (2,), dtype=np.int64).dtype == np.int64
+    given = np.zeros(2)
+    seen = given.view()
+    seen.flags.writeable = False
+    copied = frozen("y", seen, (2,))
+    given[0] = 1.0
+    assert copied[0] == 0.0
+    with refuses(MonodynError, "y: expected an array of shape (3), got (2,)."):
+        frozen("y", kept, (3,))
+
+
 def test_another_shape_is_refused_with_both() -> None:
     with refuses(MonodynError, "x: expected an array of shape (2, any), got (3, 1)."):
         frozen("x", np.zeros((3, 1)), (2, None))

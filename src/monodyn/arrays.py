@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -27,7 +27,7 @@ def frozen(
     dtype: type = np.float64,
     error: type[MonodynError] = MonodynError,
 ) -> np.ndarray:
-    """Copy ``values`` into a read-only array of a stated shape.
+    """Copy ``values`` into a read-only array of a stated shape, unless they are one.
 
     Args:
         where: Name of the field, for the message.
@@ -37,15 +37,13 @@ def frozen(
         error: Class of the exception.
 
     Returns:
-        A read-only, C-contiguous copy, (...,) with the axes of ``shape``.
+        A read-only, C-contiguous array, (...,) with the axes of ``shape``.
 
     Raises:
         MonodynError: (or ``error``) the values are no numbers, or the number of axes or a length differs.
     """
     try:
-        # what is no whole number where one is wanted
-        with np.errstate(invalid="raise"):
-            array = np.array(values, dtype=dtype, order="C")
+        array = values if _is_frozen(values, dtype) else _copied(values, dtype)
     except (TypeError, ValueError, OverflowError, FloatingPointError):
         got = f"a value of type {type(values).__name__}"
         raise error(f"{where}: expected an array of numbers, got {got}; give another.") from None
@@ -58,6 +56,21 @@ def frozen(
         raise error(f"{where}: expected an array of shape ({expected}), got {array.shape}.")
     array.flags.writeable = False
     return array
+
+
+def _is_frozen(values: object, dtype: type) -> TypeGuard[np.ndarray]:
+    """True for an array of a type that nobody can write to, not through another one either: a search makes
+    hundreds of trees of the same joints."""
+    if type(values) is not np.ndarray or values.dtype != dtype:
+        return False
+    flags = values.flags
+    return not flags.writeable and flags.owndata and flags.c_contiguous
+
+
+def _copied(values: object, dtype: type) -> np.ndarray:
+    # what is no whole number where one is wanted
+    with np.errstate(invalid="raise"):
+        return np.array(values, dtype=dtype, order="C")
 
 
 class Frozen:

@@ -54,6 +54,19 @@ def test_a_longer_link_moves_what_hangs_on_it() -> None:
     assert before.values["link1.length"] == pytest.approx(0.2, rel=1e-12)
 
 
+def test_values_by_row_are_those_by_name() -> None:
+    mechanism = load("double").with_torque("fourier", terms=1, period=0.5)
+    named = {"link1.length": 0.3, "joint2.damping": 1e-4, "torque.period": 0.7}
+    rows = mechanism.rows(tuple(named))
+    moved, expected = mechanism.at_rows(rows, np.array([*named.values()])), mechanism.with_values(named)
+    assert moved.values == expected.values
+    assert np.array_equal(moved.tree.links, expected.tree.links)
+    with refuses(MechanismError, "parameter 'torque.period': expected a value above 0 s, got -1."):
+        mechanism.at_rows(rows, np.array([0.3, 1e-4, -1.0]))
+    with refuses(MechanismError, "parameter 'link1.length': expected a number, got inf."):
+        mechanism.at_rows(rows, np.array([np.inf, 1e-4, 0.7]))
+
+
 def test_tail_tip_width_thickness_and_offset_change_only_the_box() -> None:
     mechanism = load("double").with_values(
         {

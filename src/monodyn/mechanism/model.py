@@ -14,7 +14,7 @@ from monodyn.markup import brief, card, counted, sentences, table
 from monodyn.mechanism.assemble import derivatives, settled, shapes_of, tree_of
 from monodyn.mechanism.parts import Joint, Parameter
 from monodyn.mechanism.plan import OWNED_COLUMNS, Plan
-from monodyn.mechanism.torques import LAG, TorqueParameters, common_names, make_torques
+from monodyn.mechanism.torques import TorqueParameters, common_names, make_torques
 from monodyn.mechanism.tree import Directions, Measured, Shapes, Tree
 from monodyn.names import known
 from monodyn.numbers import number
@@ -153,6 +153,17 @@ class Mechanism:
             raise MechanismError(f"parameter '{name}' is not in the mechanism; {names}")
         return row
 
+    def rows(self, names: Sequence[str]) -> np.ndarray:
+        """Return the rows of parameters in the table, int64 (param,).
+
+        Args:
+            names: Their names.
+
+        Raises:
+            MechanismError: From ``row``: there is no parameter of that name.
+        """
+        return np.array([self.row(name) for name in names], dtype=np.int64)
+
     @checked
     def with_values(self, values: Mapping[str, float]) -> Mechanism:
         """Return a copy with other values; signs are checked, bounds are not.
@@ -166,18 +177,30 @@ class Mechanism:
                 not finite or has the wrong sign.
             SettingsError: From deeper down: a name is no text, or a value no number.
         """
-        numbers = self.numbers.copy()
-        table = self.torques.table
-        for name, value in values.items():
-            row = self.row(name)
-            value = float(value)
-            table.check(row, value)
-            if table.follows[row] and not self.own[row]:
+        rows = self.rows(tuple(values))
+        for name, row in zip(values, rows.tolist(), strict=True):
+            if self.torques.table.follows[row] and not self.own[row]:
                 raise MechanismError(
                     f"parameter '{name}': follows from the sizes of its body; fix or free it to give it a "
                     f"value."
                 )
-            numbers[row] = value
+        return self.at_rows(rows, np.array([*values.values()], dtype=float))
+
+    def at_rows(self, rows: np.ndarray, values: np.ndarray) -> Mechanism:
+        """Return a copy with other values of some rows of the table, as a search tries them by the hundred.
+
+        Args:
+            rows: Rows of parameters that do not follow from others, int (param,).
+            values: Their values, (param,).
+
+        Raises:
+            MechanismError: From ``check``: a value is not finite or has the wrong sign.
+        """
+        table = self.torques.table
+        for row, value in zip(rows.tolist(), values.tolist(), strict=True):
+            table.check(row, value)
+        numbers = self.numbers.copy()
+        numbers[rows] = values
         return replace(self, numbers=numbers)
 
     @checked
@@ -236,7 +259,7 @@ class Mechanism:
         Raises:
             MechanismError: From ``row``: a name is unknown.
         """
-        rows = [self.row(name) for name in names]
+        rows = self.rows(names)
         own, free, numbers = self.own.copy(), self.free.copy(), self.numbers.copy()
         own[rows], free[rows], numbers[rows] = not follow, not follow, self._current[rows]
         return replace(self, own=own, free=free, numbers=numbers)
@@ -336,8 +359,7 @@ class Mechanism:
         Raises:
             MechanismError: From ``row``: a name is unknown.
         """
-        for name in measured.names:
-            self.row(name)
+        self.rows(measured.names)
         return replace(self, measured=measured)
 
     def directions(self, names: Sequence[str], chain: np.ndarray | None = None) -> Directions:
@@ -354,42 +376,30 @@ class Mechanism:
         Raises:
             MechanismError: The value of a parameter follows from others; or, from ``row``, a name is unknown.
         """
-        rows = np.array([self.row(name) for name in names], dtype=np.int64)
-        chain = np.eye(len(rows)) if chain is None else chain
+        rows = self.rows(names)
         if self._follows[rows].any():
             following = names[int(np.argmax(self._follows[rows]))]
             raise MechanismError(
                 f"parameter '{following}': follows from the sizes of its body; fix or free it first."
             )
+        return self.directions_by(rows, np.eye(len(rows)) if chain is None else chain)
+
+    def directions_by(self, rows: np.ndarray, chain: np.ndarray) -> Directions:
+        """Differentiate as ``directions`` does, by parameters that are given by their rows in the table.
+
+        Args:
+            rows: Their rows, int (param,); none of them follows from others.
+            chain: Their derivatives by other variables, (param, variable).
+
+        Returns:
+            The derivatives by the variables.
+        """
         # Rows beyond the plan are torques: they change the drive alone.
         inner = rows < len(self.plan_numbers)
         links, gravity = derivatives(self.plan, self.plan_numbers, self.own, rows[inner], chain[inner])
-        clock = np.zeros(len(rows))
-        if "torque.period" in names:  # a longer period is a slower clock of the torque
-            row = self.row("torque.period")
-            clock[rows == row] = -1.0 / self.numbers[row]
-        if self.torque == "known":  # a log is on the clock of the stamps, whatever their true time
-            row = self.row("time_scale")
-            clock[rows == row] = -1.0 / self.numbers[row]
-        lag = np.array([name == LAG for name in names], dtype=float)
+        clock, lag = self.torques.slopes(rows, self.numbers)
         load = np.zeros(chain.shape[1])
-        return Directions(links, gravity, self.drive_entries(names), load, clock @ chain, lag @ chain)
-
-    def drive_entries(self, names: Sequence[str]) -> np.ndarray:
-        """Return which parameter each entry of the drive's table is.
-
-        Args:
-            names: Names of the parameters.
-
-        Returns:
-            Place in ``names``, -1 where none of them, int64 (dof, column).
-
-        Raises:
-            MechanismError: From ``row``: a name is unknown.
-        """
-        place = np.full(len(self.numbers), -1, dtype=np.int64)
-        place[[self.row(name) for name in names]] = np.arange(len(names))
-        return place[self.torques.rows]
+        return Directions(links, gravity, self.torques.entries(rows), load, clock @ chain, lag @ chain)
 
     def __repr__(self) -> str:
         names = brief([f"{joint.name} ({joint.kind})" for joint in self.joints], "joints")

@@ -44,6 +44,35 @@ class TorqueParameters(Frozen):
         set_(self, "rows", frozen("torque.rows", self.rows, shape, dtype=np.int64, error=MechanismError))
         set_(self, "knots", frozen("torque.knots", self.knots, (None,), error=MechanismError))
 
+    def entries(self, rows: np.ndarray) -> np.ndarray:
+        """Return which of some parameters each entry of ``Drive.table`` is.
+
+        Args:
+            rows: Rows of the parameters in ``table``, int (param,).
+
+        Returns:
+            Place in ``rows``, -1 where none of them, int64 (dof, column).
+        """
+        place = np.full(len(self.table.names), -1, dtype=np.int64)
+        place[rows] = np.arange(len(rows))
+        return place[self.rows]
+
+    def slopes(self, rows: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how some parameters change the clock of the drive, and the lag of known torques.
+
+        Args:
+            rows: Rows of the parameters in ``table``, int (param,).
+            numbers: Values of all parameters, (row,).
+
+        Returns:
+            Derivatives of the logarithm of the clock, and of the lag, (param,) each.
+        """
+        # a longer period is a slower clock of the torque; a log is on the clock of the stamps, whatever their
+        # true time
+        timed = self.index.get({"fourier": "torque.period", "known": "time_scale"}.get(self.model, ""))
+        clock = np.zeros(len(rows)) if timed is None else np.where(rows == timed, -1.0 / numbers[timed], 0.0)
+        return clock, np.where(rows == self.index.get(LAG, -1), 1.0, 0.0)
+
 
 def make_torques(
     plan: Plan, model: str, *, terms: int = 0, knots: np.ndarray | None = None, period: float | None = None

@@ -76,7 +76,12 @@ class Problem:
         Args:
             x: Coordinates, (param,).
         """
-        return self.mechanism.with_values(self.unknowns.named(x))
+        return self.mechanism.at_rows(self._rows, self.unknowns.with_tied(x))
+
+    @cached_property
+    def _rows(self) -> np.ndarray:
+        """Rows of the unknowns and of what is tied to them, in the mechanism's table, int (param + tied,)."""
+        return self.mechanism.rows((*self.unknowns.names, *self.unknowns.tied))
 
     def size(self, x: np.ndarray) -> float:
         """Return the common scale of the sizes against those that the record was measured in.
@@ -96,19 +101,17 @@ class Problem:
             Tree and drive with their derivatives by coordinate.
         """
         mechanism, unknowns = self.mechanism_at(x), self.unknowns
-        directions = mechanism.directions((*unknowns.names, *unknowns.tied), unknowns.chain(x))
-        dstretch = np.array([name == "time_scale" for name in unknowns.names], dtype=float)
+        directions = mechanism.directions_by(self._rows, unknowns.chain(x))
+        dstretch = unknowns.only("time_scale")
         if dstretch.any():
             # at the same stamps a slower clock makes torques larger, and the drive's own time run ahead
             load = directions.load + power("torque", time=-1.0) * dstretch
             directions = replace(directions, load=load, clock=directions.clock + dstretch)
         # the common scale is a weighted mean of logarithms: its derivatives are the weights, whatever x is
         size, stretch = self.size(x), self.stretch(x)
-        dsize = self.prior.weights
-        droll = np.array([name == ROLL for name in unknowns.names], dtype=float)
         return Instance(
-            mechanism.tree, mechanism.drive, directions, size, dsize, stretch, dstretch, self.roll(x), droll,
-            self.lag(mechanism),
+            mechanism.tree, mechanism.drive, directions, size, self.prior.weights, stretch, dstretch,
+            self.roll(x), unknowns.only(ROLL), self.lag(mechanism),
         )  # fmt: skip
 
     def driven(self, drive: Drive, lag: float, stretch: float, first: int, stop: int) -> Drive:
@@ -376,7 +379,7 @@ class Problem:
             x: Coordinates, (param,).
         """
         if "time_scale" not in self.unknowns.names:
-            return self._time_scale
+            return self._values["time_scale"]
         return float(np.exp(x[self.unknowns.names.index("time_scale")]))
 
     def roll(self, x: np.ndarray) -> float:
@@ -386,16 +389,12 @@ class Problem:
             x: Coordinates, (param,).
         """
         if ROLL not in self.unknowns.names:
-            return self._roll
+            return self._values[ROLL]
         return float(x[self.unknowns.names.index(ROLL)])
 
     @cached_property
-    def _roll(self) -> float:
-        return self.mechanism.values[ROLL]
-
-    @cached_property
-    def _time_scale(self) -> float:
-        return self.mechanism.values["time_scale"]
+    def _values(self) -> dict[str, float]:
+        return self.mechanism.values
 
     def started(self, x: np.ndarray, pieces: Pieces, smoothed: tuple[Smoothed, ...]) -> Trial:
         """Begin at unknowns with the start states that smooth motion has.

@@ -124,6 +124,14 @@ class Unknowns:
         """
         return np.array([kind in kinds for kind in self.kinds], dtype=bool)
 
+    def only(self, name: str) -> np.ndarray:
+        """Return 1 for the unknown of a name and 0 for all others, (param,).
+
+        Args:
+            name: The name, of an unknown or none.
+        """
+        return np.array([other == name for other in self.names], dtype=float)
+
     @cached_property
     def ratio(self) -> np.ndarray:
         """True for places and other sizes whose coordinate is a ratio, bool (param,)."""
@@ -154,7 +162,14 @@ class Unknowns:
 
     def _units(self, values: np.ndarray) -> np.ndarray:
         """Return what the coordinates are ratios to at parameter values, 1 but for places, (..., param)."""
-        return np.where(self.against >= 0, values[..., self.against], self.unit) if len(self) else self.unit
+        if not self._relative:
+            return self.unit
+        return np.where(self.against >= 0, values[..., self.against], self.unit)
+
+    @cached_property
+    def _relative(self) -> bool:
+        """True where the coordinate of any unknown is a ratio to another one."""
+        return bool(np.any(self.against >= 0))
 
     def slope(self, x: np.ndarray) -> np.ndarray:
         """Differentiate the parameters by the coordinates.

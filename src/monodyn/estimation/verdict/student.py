@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 
@@ -24,10 +25,16 @@ def half_width(freedom: float) -> float:
     """
     n = max(freedom, 1.0)
     most = math.exp(math.lgamma(0.5 * (n + 1.0)) - math.lgamma(0.5 * n)) * 2.0 / math.sqrt(math.pi)
-    nodes, weights = np.polynomial.legendre.leggauss(32)
+    nodes, weights = _quadrature()
     angle, step = 0.0, 1.0
     while step > 1e-13 * angle:
         share = most * 0.5 * angle * float(weights @ np.cos(0.5 * angle * (nodes + 1.0)) ** (n - 1.0))
         step = (SURE - share) / (most * math.cos(angle) ** (n - 1.0))
         angle += step
     return math.sqrt(n) * math.tan(angle)
+
+
+@cache
+def _quadrature() -> tuple[np.ndarray, np.ndarray]:
+    """Return nodes and weights of Gauss's quadrature between -1 and 1, (32,) each."""
+    return np.polynomial.legendre.leggauss(32)
