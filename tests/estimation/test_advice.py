@@ -99,10 +99,11 @@ def test_residuals_above_the_noise_and_what_may_be_the_reason():
     noise = NoiseFactors(np.array([4.0, 12.34]), np.array([1.0, 2.0]))
     rms = {slide: 0.00123, hinge: np.radians(2.0)}
     assert advice.misfit(cart, rms, noise, advice.Assumed(True, ["a.friction", "b.friction"], True)) == [
-        f"The residual of {slide}, 1.23 mm, is 4 times the stated noise: the record is less exact than "
-        "stated; the intervals are widened accordingly.",
-        f"The residual of {hinge}, 2 deg, is 12.3 times the stated noise and changes slowly: the model lacks "
-        "something, or the record is less exact than stated; the intervals are widened accordingly.",
+        f"The residual of {slide}, 1.23 mm, is 4 times the noise of its samples: the record is less exact "
+        "than these suggest; the intervals are widened accordingly.",
+        f"The residual of {hinge}, 2 deg, is 12.3 times the noise of its samples and changes slowly: the "
+        "model lacks something, or the record is less exact than these suggest; the intervals are widened "
+        "accordingly.",
         "Bodies were taken to be uniform; if they are not, try --identify.bodies free.",
         "Dry friction was taken to be zero; --free a.friction b.friction estimates it.",
         "Gravity was taken to act straight down where the angles are measured; where it does not (a camera "

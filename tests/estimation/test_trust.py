@@ -58,8 +58,8 @@ def test_a_loud_and_large_residual_is_not_trusted(bent):
     rms, share, noise = found.groups()
     assert fit.status == (
         f"The simulated motion is too far from the record to be used: rms residual of joint1 {rms} deg, "
-        f"{share} % of its range and {noise} times the stated noise; the advice says what model or record "
-        "may lack."
+        f"{share} % of its range and {noise} times the noise of its samples; the advice says what model or "
+        "record may lack."
     )
     assert float(rms) == pytest.approx(np.degrees(fit.rms["joint1"]), rel=1e-2)
     assert re.fullmatch(
@@ -125,8 +125,9 @@ def test_a_fit_is_doubted_only_where_it_misses_by_both_measures(share, noise, co
     if missed is not None and missed.grade == "approximate":
         assert missed.reason == (
             "The simulated motion misses the record by what noise does not explain: rms residual of joint1 "
-            f"{np.degrees(rms):.3g} deg, {100.0 * share:.2g} % of its range and {noise:.3g} times the stated "
-            "noise. The model lacks something, and parameters may be off by more than their intervals say."
+            f"{np.degrees(rms):.3g} deg, {100.0 * share:.2g} % of its range and {noise:.3g} times the noise "
+            "of its samples. The model lacks something, and parameters may be off by more than their "
+            "intervals say."
         )
     said = f"Identified from 60 frames; rms residual {np.degrees(rms):.3g} deg (joint1)."
     assert identified(problem, {"joint1": rms}) == said

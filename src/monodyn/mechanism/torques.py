@@ -57,6 +57,17 @@ class TorqueParameters(Frozen):
         place[rows] = np.arange(len(rows))
         return place[self.rows]
 
+    def entries_of(self, names: Sequence[str]) -> np.ndarray:
+        """Return which of some parameters each entry of ``Drive.table`` is, as ``entries`` does.
+
+        Args:
+            names: Names of the parameters.
+
+        Returns:
+            Place in ``names``, -1 where none of them, int64 (dof, column).
+        """
+        return self.entries(np.array([self.index[name] for name in names], dtype=np.int64))
+
     def slopes(self, rows: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return how some parameters change the clock of the drive, and the lag of known torques.
 

@@ -108,7 +108,7 @@ def required(fixed: FixedStart, x: np.ndarray, series: PoseSeries) -> np.ndarray
     """
     problem = fixed.problem
     mechanism = problem.mechanism_at(x)
-    entries, x = mechanism.torques.entries(mechanism.rows(problem.unknowns.names)), x.copy()
+    entries, x = mechanism.torques.entries_of(problem.unknowns.names), x.copy()
     terms, period = entries.shape[1] // 2, mechanism.values["torque.period"]
     time = np.arange(SAMPLES_A_WAVE * terms) * period / (SAMPLES_A_WAVE * terms)
     metres = np.where(problem.data.slide[0], problem.size(x), 1.0)
@@ -138,7 +138,7 @@ def led(fixed: FixedStart, x: np.ndarray, smoothed: Smoothed, first: int = 0) ->
     problem = fixed.problem
     mechanism, stretch = problem.mechanism_at(x), problem.stretch(x)
     times, stamps = problem.data.times * stretch, smoothed.time * stretch
-    tree, entries = mechanism.tree, mechanism.torques.entries(mechanism.rows(problem.unknowns.names))
+    tree, entries = mechanism.tree, mechanism.torques.entries_of(problem.unknowns.names)
     wanted = [
         np.stack([np.interp(times, stamps, column) for column in table.T], axis=1)
         for table in true_motion(fixed, x, 0, smoothed)

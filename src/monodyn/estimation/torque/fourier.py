@@ -155,7 +155,7 @@ def _dispensable(problem: Problem, optimum: Optimum, terms: int, period: float) 
     count, before = series_of(problem, optimum)
     times = round(before / period)
     kept = {k * times for k in range(1, terms + 1)}
-    entries = problem.mechanism.drive_entries(problem.unknowns.names)
+    entries = problem.mechanism.torques.entries_of(problem.unknowns.names)
     gone = np.concatenate(
         [entries[:, 2 * k - 1 : 2 * k + 1].ravel() for k in range(1, count + 1) if k not in kept]
     )
@@ -185,7 +185,7 @@ def _shortened(
     if "torque.period" in shorter.unknowns.names:
         start[shorter.unknowns.names.index("torque.period")] = np.log(period)
     table = problem.mechanism_at(optimum.x).drive.table
-    entries = shorter.mechanism.drive_entries(shorter.unknowns.names)
+    entries = shorter.mechanism.torques.entries_of(shorter.unknowns.names)
     # harmonic k of a period divided by d is harmonic d k of the whole one; columns are mean, cos1, sin1, ...
     for k in range(1, terms + 1):
         for part in (-1, 0):  # cosine and sine

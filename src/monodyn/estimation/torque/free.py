@@ -91,7 +91,7 @@ def smooth_prior(problem: Problem, weight: float, size: np.ndarray) -> Prior:
         The information matrix of the torques.
     """
     # entries: which unknown is the torque of a joint (row) at a knot (column)
-    entries = problem.mechanism.drive_entries(problem.unknowns.names)
+    entries = problem.mechanism.torques.entries_of(problem.unknowns.names)
     count = entries.shape[1]
     bend = np.diff(np.eye(count), n=2, axis=0) if count > 2 else np.zeros((0, count))
     information = np.zeros((len(problem.unknowns), len(problem.unknowns)))
@@ -150,7 +150,7 @@ def _from_accelerations(problem: Problem, smoothed: tuple[Smoothed, ...]) -> tup
     """Torques that make up for what the accelerations lack, (param,), and their size by joint, (dof,)."""
     x = problem.unknowns.x0
     motion = smooth_motion(problem, smoothed)
-    entries = problem.mechanism.drive_entries(problem.unknowns.names)
+    entries = problem.mechanism.torques.entries_of(problem.unknowns.names)
     lacking = motion.acceleration - model_accelerations(problem, x, motion)
     torque = np.linalg.solve(torque_response(problem, x, motion), lacking[:, :, None])[:, :, 0]
     # smooth motion is known at measured rows, knots may lie in between: linear, as the drive itself

@@ -125,7 +125,7 @@ class PeriodSearch:
         plain = self.problem.unknowns
         change = np.clip(guess.change, -plain.reach, plain.reach)
         start = driven.unknowns.carried(np.clip(self.x + change, plain.lower, plain.upper), plain)
-        entries = driven.mechanism.drive_entries(driven.unknowns.names)[:, : guess.table.shape[1]]
+        entries = driven.mechanism.torques.entries_of(driven.unknowns.names)[:, : guess.table.shape[1]]
         start[entries[entries >= 0]] = guess.table[entries >= 0]
         return start
 

@@ -76,8 +76,8 @@ def misfit(
             systematic |= bool(slow)
             advice.append(
                 f"The residual of {joint}, {amount(mechanism, joint, value)}, is {ratio:.3g} times the "
-                f"stated noise{reason} the record is less exact than stated; the intervals are widened "
-                "accordingly."
+                f"noise of its samples{reason} the record is less exact than these suggest; the intervals "
+                "are widened accordingly."
             )
     if not systematic:
         return advice

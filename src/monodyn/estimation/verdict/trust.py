@@ -87,7 +87,7 @@ def verdict(problem: Problem, optimum: Optimum, rms: dict[str, float], against: 
             f"The simulated motion is too far from the record to be used: rms residual of {names[j]} "
             f"{amount(problem.mechanism, names[j], rms[names[j]])}, "
             f"{percent(residual[j] / ranges[j])} of its range and {against_noise[j]:.3g} times the "
-            "stated noise; the advice says what model or record may lack.",
+            "noise of its samples; the advice says what model or record may lack.",
         )
     shown = (residual > SHOWN_SHARE * ranges) & (against_noise > SHOWN_NOISE)
     shown |= against.slow & (against_noise > FAR_NOISE)
@@ -98,8 +98,8 @@ def verdict(problem: Problem, optimum: Optimum, rms: dict[str, float], against: 
         "approximate",
         f"The simulated motion misses the record by what noise does not explain: rms residual of {names[j]} "
         f"{amount(problem.mechanism, names[j], rms[names[j]])}, {percent(residual[j] / ranges[j])} of its "
-        f"range and {against_noise[j]:.3g} times the stated noise. The model lacks something, and parameters "
-        "may be off by more than their intervals say.",
+        f"range and {against_noise[j]:.3g} times the noise of its samples. The model lacks something, and "
+        "parameters may be off by more than their intervals say.",
     )
 
 
