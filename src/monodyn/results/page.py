@@ -235,7 +235,9 @@ def _errors(joints: Sequence[Joint], values: Mapping[str, float | None]) -> str:
         if value is None:
             parts.append("–")
         else:
-            parts.append(f"{value * scale:.3g}{'°' if unit == 'deg' else ' mm'}")
+            # both joints of a double pendulum in one line
+            size = value * scale
+            parts.append(f"{size:.{2 if size < 10.0 else 3}g}{'°' if unit == 'deg' else ' mm'}")
     return " · ".join(parts)
 
 
