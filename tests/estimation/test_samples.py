@@ -87,7 +87,6 @@ def test_pieces_are_all_rows_and_join_two_by_two(poses, double, samples):
 def test_what_holds_for_a_record_holds_for_its_rows(poses, double):
     data = prepare([poses, poses[:30]], double)
     np.testing.assert_array_equal(data.by_row(np.array([3, 5])), [3] * 60 + [5] * 30)
-    np.testing.assert_array_equal(cut(data, 7).by_row(np.array([3, 5])), [3] * 60 + [5] * 30)
 
 
 def test_some_pieces_stand_for_all(poses, double):

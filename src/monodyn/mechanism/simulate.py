@@ -348,13 +348,12 @@ def _carried(
     """Return the order in which directions begin to act along each run, int64 (run, param + 2 dof), and how
     many of them act by each frame, int64 (frame,): the kernel carries no others along."""
     params, runs = directions.links.shape[2], len(first) - 1
-    never = len(times)
-    begin = np.zeros((runs, params + 2 * len(tree.parent)), dtype=np.int64)
-    begin[:, :params] = np.where(directions.acting, 0, never)
+    acting = np.ones(params + 2 * len(tree.parent), dtype=bool)
+    acting[:params] = directions.acting
     if drive.mode != KNOTS or not np.any(directions.entry >= 0):
-        order = np.argsort(begin, axis=1, kind="stable")
-        return order, np.full(len(times), np.sum(begin[:1] == 0))
+        return np.tile(np.argsort(~acting, kind="stable"), (runs, 1)), np.full(len(times), np.sum(acting))
     # a torque at a knot costs time only from where it begins to act
+    begin = np.tile(np.where(acting, 0, len(times)), (runs, 1))
     live = np.empty(len(times), dtype=np.int64)
     for k, (a, b) in enumerate(pairwise(first.tolist())):
         begins = _begins(drive.times, times[a:b], directions.entry, params)

@@ -77,6 +77,16 @@ class Data:
         gross errors [rad or m], (dof,)."""
         return np.array([motion_size(self.position[use, j]) for j, use in enumerate(self.measured.T)])
 
+    @cached_property
+    def sliding(self) -> np.ndarray:
+        """Where a position is that of a slide, bool (row, dof)."""
+        return self.by_row(self.slide)
+
+    @cached_property
+    def turning(self) -> np.ndarray:
+        """What a roll of the camera adds to a position [rad/rad], (row, dof)."""
+        return self.by_row(self.by_roll)
+
     def by_row(self, of_record: np.ndarray) -> np.ndarray:
         """Repeat what holds for a record for each of its rows.
 
@@ -346,17 +356,6 @@ class Pieces:
     def whole(self) -> bool:
         """True when there is one piece a record."""
         return len(np.unique(self.record)) == len(self.record)
-
-    def by_row(self, of_record: np.ndarray) -> np.ndarray:
-        """Repeat what holds for a record for each row of its pieces.
-
-        Args:
-            of_record: One entry a record, (record, ...).
-
-        Returns:
-            One entry a row, (row, ...).
-        """
-        return np.repeat(of_record[self.record], np.diff(self.first), axis=0)
 
 
 def cut(data: Data, samples: int) -> Pieces:

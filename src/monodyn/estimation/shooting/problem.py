@@ -165,16 +165,15 @@ class Problem:
         """
         from monodyn.estimation.shooting.kernels import whitened_rows
 
-        data, pieces, x = self.data, trial.pieces, trial.x
+        data, x = self.data, trial.x
         q, _, dq, _ = self.moved(trial)
-        slide, turned = pieces.by_row(data.slide), pieces.by_row(data.by_roll)
         if ROLL in self.unknowns.names:
             # the picture of a rolled camera lacks the roll: it is added to what was measured, and its
             # derivative is that of the simulated less the measured position
             dq = dq.copy()
-            dq[:, :, self.unknowns.names.index(ROLL)] -= turned
-        position = data.position + turned * self.roll(x)
-        return whitened_rows(q, dq, position, data.white, slide, self.size(x), self.prior.weights)
+            dq[:, :, self.unknowns.names.index(ROLL)] -= data.turning
+        position = data.position + data.turning * self.roll(x)
+        return whitened_rows(q, dq, position, data.white, data.sliding, self.size(x), self.prior.weights)
 
     def moved(self, trial: Trial) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Simulate every piece with its derivatives, as ``tangents`` does; the trial keeps them.
@@ -300,11 +299,10 @@ class Problem:
         Returns:
             Measured less simulated positions in the record's units, NaN in gaps, (row, dof).
         """
-        simulated = self.simulated(trial)
-        rows = trial.pieces.by_row(self.data.slide)
-        position = self.data.position + trial.pieces.by_row(self.data.by_roll) * self.roll(trial.x)
-        difference = position - np.where(rows, simulated / self.size(trial.x), simulated)
-        return np.where(self.data.measured, difference, np.nan)
+        simulated, data = self.simulated(trial), self.data
+        position = data.position + data.turning * self.roll(trial.x)
+        difference = position - np.where(data.sliding, simulated / self.size(trial.x), simulated)
+        return np.where(data.measured, difference, np.nan)
 
     def rates(self, trial: Trial) -> np.ndarray:
         """Differentiate the simulated positions by the time stamps.
@@ -315,9 +313,8 @@ class Problem:
         Returns:
             Rates in the record's units by stamped second, (row, dof).
         """
-        rows = trial.pieces.by_row(self.data.slide)
         simulated = self.simulated(trial)
-        simulated = np.where(rows, simulated / self.size(trial.x), simulated)
+        simulated = np.where(self.data.sliding, simulated / self.size(trial.x), simulated)
         rates = np.zeros_like(simulated)
         for first, stop in zip(self.data.first[:-1], self.data.first[1:], strict=True):
             if stop - first > 1:
