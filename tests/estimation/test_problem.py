@@ -11,6 +11,7 @@ from driven import (
 )
 from monodyn.estimation.record.samples import cut, ordered, prepare
 from monodyn.estimation.record.smooth import smooth
+from monodyn.estimation.shooting import trial as trials
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.mechanism import load
@@ -74,6 +75,29 @@ def test_the_derivative_by_the_roll_is_exact(kept):
     smoothed = (smooth(ordered(poses, start)),)
     begun = problem.started(problem.unknowns.x0, pieces, smoothed).states[0]
     assert begun[0] == pytest.approx(swing[0, 0] + 0.1, abs=0.01)
+
+
+def test_runs_on_all_cores_are_those_of_one(monkeypatch):
+    """Pieces are handed out by their integration steps, and come back in order."""
+    double = load("double")
+    problem = posed(
+        double, prepare([record(double, TIMES, motion(double, TIMES, [0.1, 0.5], [0.2, 1.0]))], double)
+    )
+    pieces = cut(problem.data, 7)
+    states = np.random.default_rng(0).normal(scale=0.3, size=(len(pieces.record), 4))
+    handed = []
+    every = trials.on_all_cores
+    monkeypatch.setattr(trials, "on_all_cores", lambda f, items: every(f, handed.append(items) or items))
+    at = [Trial(problem.unknowns.x0, states, pieces, substeps) for substeps in (1, 64)]
+    together = [problem.moved(one) for one in at]
+    steps = 64 * len(problem.data.times)
+    assert [len(items) for items in handed] == [steps // trials.STEPS_OF_CHUNK]
+    monkeypatch.setattr(trials, "STEPS_OF_CHUNK", steps)
+    alone = [problem.moved(one.at(one.x, one.states)) for one in at]
+    assert len(handed) == 1
+    for one, other in zip(together, alone, strict=True):
+        for found, expected in zip(one, other, strict=True):
+            assert np.array_equal(found, expected)
 
 
 @pytest.mark.parametrize("limit", [0.0, 5.0])

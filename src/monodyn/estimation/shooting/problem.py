@@ -222,8 +222,8 @@ class Problem:
             derivatives, each (row, dof, param + 2 dof): by coordinate, then by the start state of the run.
         """
         dofs, params = self.data.position.shape[1], len(instance.dsize)
-        integrate = partial(rollouts_derivatives, instance.tree, instance.slowed, substeps=substeps)
-        q, v, dq, dv = self._together(integrate, instance.drive, instance.lag, instance.stretch, runs)
+        moving = partial(rollouts_derivatives, instance.tree, instance.slowed)
+        q, v, dq, dv = self._together(moving, instance.drive, instance.lag, instance.stretch, runs, substeps)
         if instance.dstretch.any():
             # start rates are by true time: a slower clock is like larger ones, at the same stamps
             # of a motion that grows beyond all bounds nothing is finite, which the search rejects
@@ -337,14 +337,14 @@ class Problem:
         tree, drive, lag = mechanism.tree, mechanism.drive, self.lag(mechanism)
 
         def simulated(runs: Sequence[Run], substeps: int) -> np.ndarray:
-            integrate = partial(rollouts, tree, substeps=substeps)
-            return np.hstack(self._together(integrate, drive, lag, stretch, runs))
+            return np.hstack(self._together(partial(rollouts, tree), drive, lag, stretch, runs, substeps))
 
         return simulated
 
     def _together(
-        self, integrate: Callable[..., Moved], drive: Drive, lag: float, stretch: float, runs: Sequence[Run]
-    ) -> Moved:
+        self, integrate: Callable[..., Moved], drive: Drive, lag: float, stretch: float, runs: Sequence[Run],
+        substeps: int,
+    ) -> Moved:  # fmt: skip
         """Return what integrates runs under one drive applied to all of them, end to end; where torques are
         known each has a drive of its own."""
         data = self.data
@@ -353,9 +353,13 @@ class Problem:
             times = np.concatenate([data.times[first:stop] for first, stop, _ in batch]) * stretch
             begins = np.cumsum([0, *(stop - first for first, stop, _ in batch)])
             own = self.driven(drive, lag, stretch, *batch[0][:2])
-            return integrate(times, begins, np.array([state for *_, state in batch]), drive=own)
+            states = np.array([state for *_, state in batch])
+            return integrate(times, begins, states, substeps=substeps, drive=own)
 
-        parts = in_batches(lambda batch: [of([run]) for run in batch] if data.torques else [of(batch)], runs)
+        def each(batch: Sequence[Run]) -> list[Moved]:
+            return [of([run]) for run in batch] if data.torques else [of(batch)]
+
+        parts = in_batches(each, runs, substeps)
         found = [part for batch in parts for part in batch]
         return (
             found[0] if len(found) == 1 else tuple(np.concatenate(part) for part in zip(*found, strict=True))

@@ -15,10 +15,10 @@ from monodyn.estimation.record.samples import Pieces
 Run = tuple[int, int, np.ndarray]
 """First row, one past the last row and start state (2 dof,) of a rollout."""
 Result = TypeVar("Result")
-ROWS_FOR_CORES = 1000
-"""Rows from which on runs are divided among the cores."""
+STEPS_OF_CHUNK = 1000
+"""Integration steps for which it is worth to hand runs to another core."""
 CHUNKS = 16
-"""Parts into which they are divided: more than there are cores, for some runs take longer."""
+"""Parts into which runs are divided at most: more than there are cores, for some runs take longer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,19 +84,23 @@ class Trial:
         return list(zip(self.pieces.first[:-1], self.pieces.first[1:], self.states, strict=True))
 
 
-def in_batches(function: Callable[[Sequence[Run]], Result], runs: Sequence[Run]) -> list[Result]:
+def in_batches(
+    function: Callable[[Sequence[Run]], Result], runs: Sequence[Run], substeps: int
+) -> list[Result]:
     """Apply a function to runs of rows, to all of them at once or, where there is enough to do, to neighbours
     on all cores.
 
     Args:
-        function: The function.
+        function: The function; it integrates them.
         runs: The runs.
+        substeps: Integration steps between two rows.
 
     Returns:
         What it returned, in their order.
     """
-    rows = sum(stop - first for first, stop, _ in runs)
-    if len(runs) == 1 or rows < ROWS_FOR_CORES:
+    steps = substeps * sum(stop - first for first, stop, _ in runs)
+    chunks = min(len(runs), CHUNKS, steps // STEPS_OF_CHUNK)
+    if chunks < 2:
         return [function(runs)]
-    bounds = np.linspace(0, len(runs), min(len(runs), CHUNKS) + 1).astype(int)
+    bounds = np.linspace(0, len(runs), chunks + 1).astype(int)
     return on_all_cores(function, [runs[a:b] for a, b in pairwise(bounds)])
