@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import importlib.util
 import io
 import json
 import os
@@ -284,35 +283,50 @@ def test_what_fails_as_compiled_functions_are_kept_is_an_error_of_ours() -> None
     assert errors.is_unforeseen(raised["save_overload"])
 
 
-def test_damaged_files_of_compiled_functions_are_removed(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    """Power that fails while they are written leaves such files."""
+def test_damaged_files_of_compiled_functions_are_removed(tmp_path: Path) -> None:
+    """Power that fails while they are written leaves such files.
+
+    In a process and with a folder of its own: all that is compiled for what is loaded is removed.
+    """
     source = tmp_path / "kernels.py"
     source.write_text("from numba import njit\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n")
-
-    def loaded() -> Any:
-        spec = importlib.util.spec_from_file_location("monodyn.kernels", source)
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        monkeypatch.setitem(sys.modules, "monodyn.kernels", module)
-        spec.loader.exec_module(module)
-        return module.twice
-
-    assert loaded()(2) == 4
-    kept = [*tmp_path.rglob("kernels.twice*.nbi"), *tmp_path.rglob("kernels.twice*.nbc")]
-    assert len(kept) == 2
-    for file in kept:
-        os.truncate(file, 10)
-    monkeypatch.setattr(show, "show_models", lambda **_: loaded()(2))
-    assert main(["models"]) == 2
-    assert capsys.readouterr().err == (
+    found = subprocess.run(
+        [sys.executable, "-c", DAMAGED, str(source)],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "compiled")},
+        capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert found.stderr == (
         "monodyn: files of compiled functions were damaged (UnpicklingError), and were removed; the next "
         "command compiles them anew.\n"
     )
-    assert not any(file.exists() for file in kept)
-    assert loaded()(2) == 4
+    assert found.returncode == 2
+
+
+DAMAGED = """
+import importlib.util, os, sys
+from pathlib import Path
+from monodyn.cli import main, show
+
+source = Path(sys.argv[1])
+
+def loaded():
+    spec = importlib.util.spec_from_file_location("monodyn.kernels", source)
+    sys.modules["monodyn.kernels"] = module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.twice
+
+assert loaded()(2) == 4
+kept = [*source.parent.rglob("kernels.twice*.nbi"), *source.parent.rglob("kernels.twice*.nbc")]
+assert len(kept) == 2
+for file in kept:
+    os.truncate(file, 10)
+show.show_models = lambda **_: loaded()(2)
+code = main(["models"])
+assert not any(file.exists() for file in kept)
+assert loaded()(2) == 4
+sys.exit(code)
+"""
+"""Kernels are compiled, their files cut, and loaded by a command."""
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends SIGTERM")
