@@ -97,6 +97,7 @@ def test_scipy_is_needed_by_extras_alone() -> None:
     assert {path for path, names in FOUND.items() if "scipy" in names} == SCIPY
 
 
+@pytest.mark.slow
 def test_kernels_need_no_scipy() -> None:
     """Numba takes products of matrices, and what is in numpy.linalg, from scipy."""
     for path in SOURCE.rglob("*.py"):

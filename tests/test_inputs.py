@@ -74,6 +74,7 @@ def test_a_run_on_points(done: Any) -> None:
     assert log["settings"]["points_size"] == [1280, 720]
 
 
+@pytest.mark.slow
 def test_tracking_points_alone_leaves_poses_and_pictures(tmp_path: Path) -> None:
     path, _ = written(tmp_path, 60)
     done = command(

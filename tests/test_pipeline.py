@@ -100,6 +100,7 @@ def test_a_run_records_every_setting_of_every_stage(table: Path, tmp_path: Path)
         assert set(settings[stage]) == set(kind.__dataclass_fields__)
 
 
+@pytest.mark.slow
 def test_a_report_in_python_is_the_report_of_a_run(table: Path, tmp_path: Path) -> None:
     outcome = identify_tables([table], "single", tmp_path / "run")
     assert outcome.fit is not None
@@ -108,12 +109,14 @@ def test_a_report_in_python_is_the_report_of_a_run(table: Path, tmp_path: Path) 
         assert (tmp_path / "report" / name).read_bytes() == (tmp_path / "run" / name).read_bytes()
 
 
+@pytest.mark.slow
 def test_without_a_folder_nothing_is_written(table: Path) -> None:
     outcome = identify_tables([table, table], "single")
     assert (outcome.folder, len(outcome.traces), outcome.document["ok"]) == (None, 2, True)
     assert [trace.name for trace in outcome.traces] == ["swing.csv", "swing.csv"]
 
 
+@pytest.mark.slow
 def test_positions_that_the_dynamics_exclude_are_named_of_every_record(table: Path, tmp_path: Path) -> None:
     record = read_poses(table, load("single"))
     position = record.position.copy()
@@ -165,6 +168,7 @@ def test_a_tracked_clip_has_its_notes(
     assert read(tmp_path / "run" / "overlay.mp4").count == 12
 
 
+@pytest.mark.slow
 def test_the_way_of_the_camera_that_points_show_is_written(tmp_path: Path) -> None:
     mechanism, names = load("double"), ("joint1", "joint2", "link2")
     px = tracked.seen(mechanism, tracked.swing(mechanism, 60, (0.5, 0.6)), names)
@@ -235,6 +239,7 @@ def test_a_fit_that_found_nothing_writes_headers_and_a_film_of_what_was_tracked(
     assert "12 frames of 64 × 48 px over 0.37 s, with the model single." in page
 
 
+@pytest.mark.slow
 def test_the_fit_begins_where_the_mechanism_moves_freely(
     monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
 ) -> None:

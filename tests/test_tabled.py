@@ -50,6 +50,7 @@ def test_two_columns_are_a_double_pendulum_or_a_cart_as_the_motion_has_it(
     assert f"<h2>Why {model}</h2>" in page
 
 
+@pytest.mark.slow
 def test_a_single_joint_is_the_simpler_mechanism(tmp_path: Path) -> None:
     table = written(tmp_path, "single", [0.5], joints(1))
     rows = identify_tables([table], "auto").document["comparison"]

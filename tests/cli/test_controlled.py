@@ -86,6 +86,7 @@ def test_what_is_printed_goes_with_the_exit_code(
         assert document["out"] is None
 
 
+@pytest.mark.slow
 def test_the_settings_file_of_a_controller_designs_it_again(tmp_path: Path) -> None:
     _, fit = identified("cartpole")
     monodyn.report(fit, to=tmp_path / "run")

@@ -283,6 +283,7 @@ def test_what_fails_as_compiled_functions_are_kept_is_an_error_of_ours() -> None
     assert errors.is_unforeseen(raised["save_overload"])
 
 
+@pytest.mark.slow
 def test_damaged_files_of_compiled_functions_are_removed(tmp_path: Path) -> None:
     """Power that fails while they are written leaves such files.
 

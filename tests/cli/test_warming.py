@@ -13,6 +13,7 @@ from monodyn.cli import main, warming
 from monodyn.cli.warming import compiling_beside, identify_demo
 
 
+@pytest.mark.slow
 def test_the_other_process_identifies_the_demo_clip(tmp_path: Path) -> None:
     outcome = identify_demo(tmp_path)
     assert outcome.fit is not None

@@ -69,6 +69,7 @@ def test_friction_stays_where_it_leaves_nothing(passive, tmp_path) -> None:
     assert fit.acting == ("viscous friction",)
 
 
+@pytest.mark.slow
 def test_free_bodies_on_a_slide_keep_the_scale_of_the_picture() -> None:
     """A weight sits a little beside the pole, and the picture has all lengths and the way 1.6 times short."""
     start = load("cartpole")

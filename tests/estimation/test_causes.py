@@ -119,6 +119,7 @@ HUNG = POLE.replace(
 """A shorter pole hangs near the end of the pole."""
 
 
+@pytest.mark.slow
 def test_a_link_more_is_named():
     fit = identify(swung(lambda model, data: None, text=HUNG), load("single"), QUICK)
     assert fit.grade == "refused"
@@ -135,6 +136,7 @@ def test_a_link_more_is_named():
     assert times > 20.0
 
 
+@pytest.mark.slow
 def test_a_link_more_is_not_what_drags():
     """A hidden link comes nearer to much; only what it brings to within the noise is one."""
     record = swung(drag)
@@ -143,6 +145,7 @@ def test_a_link_more_is_not_what_drags():
     assert further.left == np.inf
 
 
+@pytest.mark.slow
 def test_sizes_that_are_not_quite_right_are_no_link_more():
     """Over a second a hidden link meets a motion missed by a hundredth; but it moves nothing that little."""
     double, ends = load("double"), ("link1.tail", "link1.tip", "link2.tail")
@@ -160,6 +163,7 @@ def test_a_link_more_hangs_from_one_record_alone():
     assert further_link((record, record), load("single"), QUICK) is None
 
 
+@pytest.mark.slow
 def test_nothing_usual(monkeypatch):
     """A cause has to halve what is left over."""
     record = swung(drag)

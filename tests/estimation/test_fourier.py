@@ -99,6 +99,7 @@ def test_a_guess_whose_linear_step_led_far_off_is_brought_back(driven, tmp_path)
     assert residual_rms(problem, optimum) < 1.3
 
 
+@pytest.mark.slow
 def test_a_force_at_a_slide(tmp_path):
     record, applied = simulated(
         CART, [0.0, -1.0], 150, lambda t: np.array([0.5 * np.sin(2 * np.pi * t / 1.1), 0.0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+import pytest
 
 from monodyn.estimation.record.samples import prepare
 from monodyn.estimation.record.smooth import smooth
@@ -49,6 +50,7 @@ def found(record):
     return problem, hanging(problem, smooth(record), Route(10, 1e-4, ROUGH))
 
 
+@pytest.mark.slow
 def test_a_hidden_link_is_found_wherever_it_begins(tmp_path):
     # from rest, and in the middle of a motion
     for start, rates in (([-0.3, 1.9], [0.0, 0.0]), ([-1.2, -2.5], [4.0, -6.0])):
@@ -65,6 +67,7 @@ def test_a_hidden_link_is_found_wherever_it_begins(tmp_path):
         assert abs(np.log(values["link2.length"] / 0.16)) < 0.15
 
 
+@pytest.mark.slow
 def test_what_nothing_follows_has_none(tmp_path):
     _, record = hidden(tmp_path, [-0.3, 1.9], [0.0, 0.0])
     shaken = np.array(record.position)

@@ -31,6 +31,7 @@ def guessed(record, mechanism, terms=0):
     return search, search.guesses(terms)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period", [slow(0.6), 1.1, 2.3])
 @pytest.mark.parametrize("factor", [0.5, slow(2.0)])
 def test_the_period_is_guessed_at_any_scale(period, factor, tmp_path):

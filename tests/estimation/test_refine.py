@@ -34,6 +34,7 @@ def test_a_record_with_what_no_motion_reaches_is_damaged(poses, double):
     )
 
 
+@pytest.mark.slow
 def test_a_tail_that_does_not_follow_is_no_gross_error():
     """A pendulum held fast from frame 76 on; what is left out must be short and isolated."""
     single, times = load("single"), np.arange(100) / 30.0

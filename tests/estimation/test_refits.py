@@ -74,6 +74,7 @@ def test_records_that_cannot_be_fitted_leave_the_intervals_of_the_covariance(
     assert fit.parameters == usual.parameters
 
 
+@pytest.mark.slow
 def test_what_the_drawn_records_leave_open_is_not_determined(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refits, "RECORDS", 6)
     sides = cycle([-2.0, 2.0])

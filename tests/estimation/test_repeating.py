@@ -126,6 +126,7 @@ def test_what_does_not_repeat_is_laid_to_no_force_of_the_state():
     assert np.all(np.abs(off) < 2.5)
 
 
+@pytest.mark.slow
 def test_where_noise_explains_the_residuals_next_to_nothing_is_added(poses, double, monkeypatch):
     shares = []
 
@@ -179,6 +180,7 @@ def test_waves_are_a_smooth_function_of_the_state():
     assert sum(one.shape[1] for one in _waves(state, 8)) == repeating.MOST_WAVES // 2
 
 
+@pytest.mark.slow
 def test_strengths_are_those_of_the_density_of_all_rows():
     rng = np.random.default_rng(3)
     moved = rng.normal(size=(60, 8)).cumsum(axis=0)

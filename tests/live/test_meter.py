@@ -16,6 +16,7 @@ def test_nothing_is_known_before_two_frames():
     assert meter.pace == (None, None, None)
 
 
+@pytest.mark.slow
 def test_the_rate_is_that_of_the_last_seconds_and_latencies_those_of_the_last_frames():
     meter = Meter()
     for k in range(100):

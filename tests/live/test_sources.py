@@ -275,6 +275,7 @@ def test_a_pipe_in_pieces_is_put_together_and_one_that_stalls_does_not_hold_up_t
     assert source.remarks == []
 
 
+@pytest.mark.slow
 def test_the_program_ends_while_its_standard_input_stalls():
     """A thread that waits in Python's own buffer would abort the program at its end."""
     code = (
@@ -415,6 +416,7 @@ def test_no_frame_within_the_time_is_none():
 # streams
 
 
+@pytest.mark.slow
 def test_a_stream_that_breaks_off_is_opened_again():
     data = transport()
     with no_thread_left(), sent(data, data[: len(data) // 2], data, data) as (address, asked):
@@ -434,6 +436,7 @@ def test_a_stream_that_breaks_off_is_opened_again():
     assert sum(t.broken for t in timed) == 2
 
 
+@pytest.mark.slow
 def test_a_stream_that_does_not_come_back_ends_after_a_while_with_longer_and_longer_waits():
     with no_thread_left(), sent(transport(), transport()) as (address, asked):
         source = open_source(address, LiveSettings(patience=1.5))
@@ -450,6 +453,7 @@ def test_a_stream_that_does_not_come_back_ends_after_a_while_with_longer_and_lon
     assert source.remarks == []
 
 
+@pytest.mark.slow
 def test_garbage_in_the_middle_costs_its_own_pictures_only():
     data = bytearray(transport(60))
     middle = len(data) // 2
@@ -469,6 +473,7 @@ def test_garbage_in_the_middle_costs_its_own_pictures_only():
         assert np.all(np.diff([f.time for f in found]) > 0)
 
 
+@pytest.mark.slow
 def test_a_stream_of_nothing_but_garbage_is_refused_and_one_that_turns_into_it_ends():
     rng = np.random.default_rng(5)
     with (
@@ -484,6 +489,7 @@ def test_a_stream_of_nothing_but_garbage_is_refused_and_one_that_turns_into_it_e
         feed.close()
 
 
+@pytest.mark.slow
 def test_a_stream_that_comes_back_in_another_size():
     large, turned = transport(20, 2 * WIDTH, 2 * HEIGHT), transport(20, HEIGHT, WIDTH)
     with sent(transport(20), transport(20), large, turned) as (address, _):

@@ -133,6 +133,7 @@ def test_stopping_is_said():
     assert lines[-1] == "What has been found is being kept; Ctrl-C again stops at once, without it."
 
 
+@pytest.mark.slow
 def test_it_is_drawn_a_few_times_a_second_whatever_the_rate_of_the_frames(monkeypatch):
     count = []
     monkeypatch.setattr(terminal, "drawn", lambda *given: count.append(time.monotonic()) or "")

@@ -147,6 +147,7 @@ def test_a_film_shows_the_newest_frame_and_repeats_it_while_there_is_none(monkey
         assert list(pictures(stream, 3))[-1].mean() < 20
 
 
+@pytest.mark.slow
 def test_nothing_is_drawn_while_nobody_watches_and_one_picture_for_all_who_do(monkeypatch):
     drawn = []
     monkeypatch.setattr(view_module, "jpeg_of", lambda step: drawn.append(step.index) or jpeg_of(step))
@@ -197,6 +198,7 @@ def test_a_client_that_vanishes_and_one_that_never_reads_hinder_nobody(monkeypat
         assert view._watchers == 0
 
 
+@pytest.mark.slow
 def test_a_slow_client_gets_no_old_pictures(monkeypatch):
     monkeypatch.setattr(view_module, "FASTEST", 500.0)
     monkeypatch.setattr(view_module, "REPEATED", 0.01)

@@ -120,6 +120,7 @@ def test_parts_of_steps_are_exact() -> None:
     assert np.abs(few - many).max() < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "friction"), [("single", 0.003), ("double", 0.004), ("triple", 0.003)])
 def test_the_motion_is_that_of_mujocos_default_friction(kind: str, friction: float, tmp_path: Path) -> None:
     mechanism = rubbing(kind, friction, DEFAULT)

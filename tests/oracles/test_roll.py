@@ -94,6 +94,7 @@ def test_one_roll_of_several_records_is_said(tmp_path: Path) -> None:
     assert not any("One camera.roll" in line for line in (*upright.advice, *identified(one).advice))
 
 
+@pytest.mark.slow
 def test_what_a_picture_was_taken_with_is_taken_into_account(tmp_path: Path) -> None:
     """The same poses by a camera whose roll was known in part: the same roll of the camera comes out."""
     poses, _ = filmed(double_truth(), np.radians(5.0), tmp_path)

@@ -46,6 +46,7 @@ def not_held(found: dict[str, Assumption]) -> list[str]:
     return [name for name, own in found.items() if own.held is False]
 
 
+@pytest.mark.slow
 def test_a_film_as_the_paper_assumes_it(tmp_path: Path) -> None:
     found = judged(tmp_path)
     assert all(own.held for own in found.values()), found
@@ -77,6 +78,7 @@ def test_a_camera_that_moves(tmp_path: Path) -> None:
     assert found[PARALLEL].numbers == "This cannot be judged where another assumption fails."
 
 
+@pytest.mark.slow
 def test_something_else_moves(tmp_path: Path) -> None:
     def ball(k: int, picture: np.ndarray) -> np.ndarray:
         return cv2.circle(picture.copy(), (20 + 2 * k, 250), 12, 60.0, -1)

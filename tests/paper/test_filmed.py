@@ -6,6 +6,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from chains import CAMERA, LENGTHS, THICK, WIDTHS
 from films import COUNT, film
@@ -14,6 +15,7 @@ from monodyn.paper.filmed import background_drift, measured, outlook
 from monodyn.paper.silhouettes import ClipSilhouettes
 
 
+@pytest.mark.slow
 def test_a_film_of_the_drawn_mechanism(tmp_path: Path) -> None:
     """Against what the film was made of: a mechanism of grey 60 before a wall of 165 on average."""
     scene, poses = film(tmp_path, lost=(3, 4))

@@ -111,6 +111,7 @@ def test_the_filter_as_a_matrix():
     assert not response[:3, :, 1].any()
 
 
+@pytest.mark.slow
 def test_covariance_against_scattered_samples():
     """2000 draws: a variance is known to 1 / sqrt(1000), five of them are 16 %."""
     rng = np.random.default_rng(3)

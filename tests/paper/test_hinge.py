@@ -49,6 +49,7 @@ def displaced(mechanism: Mechanism, shift: float, free: bool) -> ModelView:
 SIZES = ("length", "width", "tail", "tip")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [0.05, slow(-0.01)])
 def test_the_hinge_is_moved_to_its_place(shift: float) -> None:
     """Its picture is the same before and after; the ratios of the sizes come out to a pixel."""

@@ -20,6 +20,7 @@ from swings import TIMES, double_truth, motion, record
 from waves import PAPER, SMALL, fourier_truth
 
 
+@pytest.mark.slow
 def test_six_unknowns_of_case_one():
     """Start at rest, where the parabola of the filter has the start rates right; lengths within 1 %."""
     truth = double_truth()
@@ -238,6 +239,7 @@ def test_a_series_stands_for_friction():
     assert max(fit.rms.values()) < np.radians(1.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, slow(2), slow(3)])
 def test_gaps_and_joints_out_of_order(seed):
     """Gaps put the start off; from there parts that grow lead to the minimum, whatever the noise."""

@@ -144,6 +144,7 @@ def test_the_mismatch_of_a_scene_is_that_of_its_frame(small: Masks, default: Sce
         assert {h.problem for h in scene.history} == {"pose", "ratios"}
 
 
+@pytest.mark.slow
 def test_a_mechanism_that_does_not_fit_its_silhouette_is_said(small: Masks, default: Scene) -> None:
     """A first link three times as wide as it is, and fixed, cannot lie on the silhouette."""
     wide = {"link1.width": 3.0 * default.mechanism.values["link1.width"]}
@@ -214,6 +215,7 @@ def test_sizes_from_one_silhouette_are_known_up_to_their_scale(tmp_path: Path, h
     assert ratio @ coarse @ ratio == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_camera_can_be_found_behind_the_default_pose(small: Masks, default: Scene) -> None:
     """The camera by area and centroid at the default pose is the default camera within 1 %."""
     found = monodyn.locate(small, monodyn.load(MODEL), camera=CameraSettings(method="paper"))

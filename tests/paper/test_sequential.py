@@ -50,6 +50,7 @@ def test_interleaved_finds_all_of_them(tmp_path: Path) -> None:
     assert all(falls(h) for h in histories)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [0.5, 0.8])
 def test_strict_finds_all_of_them(tmp_path: Path, depth: float) -> None:
     """Fig. 2 from wrong sizes, camera and pose; pose and camera share the error of a zigzag that settled."""

@@ -14,6 +14,7 @@ from monodyn.paper.starts import evolved_starts, grid_starts, pose_by_beam
 from support import slow
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("search", [grid_starts, slow(evolved_starts)])
 def test_starts_lead_to_the_pose(tmp_path: Path, search: object) -> None:
     """From no pose at all; a chain may be read from either end, so one of the starts comes out right."""

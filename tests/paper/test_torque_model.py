@@ -15,6 +15,7 @@ from swings import TIMES, double_truth, motion, record
 from waves import PAPER, SMALL, fourier_truth
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("series", "count"), [slow("with-friction", 36), ("alone", 34)])
 def test_unknowns_of_case_two(series, count):
     """Seven harmonics: 4 sizes, 2 (2 7 + 1) coefficients and, in the paper's count of 36, 2 dampings."""

@@ -84,6 +84,7 @@ def lasting_gap(tmp_path: Path, glimpse: bool) -> list[tuple[np.ndarray, FrameOu
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("glimpse", [slow(False), True])
 def test_a_gap_invents_no_turn(tmp_path: Path, glimpse: bool) -> None:
     """After 14 frames the angles are those of the turn that the motion was on."""
@@ -109,6 +110,7 @@ def test_one_frame_alone_after_a_gap_is_forgotten(tmp_path: Path) -> None:
     assert (before.lost, glimpse.lost, after.lost) == (9, 0, 11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("adaptive", [True, slow(False)])
 def test_a_motion_is_followed_through_a_gap(tmp_path: Path, adaptive: bool) -> None:
     """Eq. (5) on a swing of up to 0.3 rad a frame; for two frames something else hides the second link."""

@@ -77,6 +77,7 @@ def test_slides_are_in_the_scale_of_the_start_values() -> None:
     assert start_scale(0, 7) == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [1, slow(2)])
 def test_a_drawn_start_of_a_slide_is_the_same_problem(start: int) -> None:
     cart = load("cartpole")

@@ -72,6 +72,7 @@ def test_the_mechanism_that_methods_are_given_has_two_hinges(tmp_path: Path) -> 
     assert [joint.kind for joint in load(path).joints] == ["hinge", "hinge"]
 
 
+@pytest.mark.slow
 def test_stages_are_warmed_once() -> None:
     warm_up("fast")
     hits = warm_up.cache_info().hits

@@ -191,6 +191,7 @@ def test_the_law_of_a_swing_holds_by_its_words(run: Path, tmp_path: Path, turn: 
     assert np.abs(literally(document, tmp_path / "up" / "model.xml")).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_doubtful_fit_and_one_that_falls_say_so() -> None:
     _, fit = identified("cartpole")
     far = control(fit, Aim(UP, ["slide"], start={"joint1": -1.5}, draws=0))
@@ -240,6 +241,7 @@ def test_a_film_that_is_interrupted_leaves_nothing(run: Path, tmp_path: Path, mo
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.slow
 def test_a_rate_at_which_it_falls_in_between_is_named() -> None:
     """At one measurement a second a cart-pole is lost between two, whatever the data say of it."""
     _, fit = identified("cartpole")
@@ -289,6 +291,7 @@ def test_what_it_means_that_draws_fall() -> None:
     )
 
 
+@pytest.mark.slow
 def test_torque_that_is_allowed_more_holds_tighter() -> None:
     """Bryson's rule against the closed form of a double integrator: with weights q = 1/x^2 and r = 1/u^2 the
     position's gain is about u / x, so twice the torque is about twice the gain of the slide."""

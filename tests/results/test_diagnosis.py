@@ -44,6 +44,7 @@ def test_the_verdict_has_its_colour(
     assert (page[60:80] == colour).all(axis=2).sum() > 50
 
 
+@pytest.mark.slow
 def test_the_page_is_written_as_a_picture(make_clip: ClipMaker, tmp_path: Path) -> None:
     folder = RunFolder(tmp_path / "run")
     page = write_diagnosis(folder, Sight(read(make_clip())))

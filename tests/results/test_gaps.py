@@ -124,6 +124,7 @@ def test_gaps_that_no_motion_leads_through_are_named(exact, truth):
     assert unfollowed([replace(trace, states=outside)], [outside]) == []
 
 
+@pytest.mark.slow
 def test_the_report_says_how_many_frames_were_filled(exact, truth):
     poses = hidden(truth, slice(50, 60))
     findings = Findings(exact, [trace_of(exact, poses)])

@@ -47,6 +47,7 @@ def test_a_tolerance_that_is_none_is_refused(value):
         Tolerance(length=value)
 
 
+@pytest.mark.slow
 def test_what_was_measured_shortens_it(fit, truth):
     mechanism, q, _ = truth
     poses = replace(record(mechanism, ALL, q), frame=np.arange(120))

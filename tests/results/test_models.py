@@ -35,6 +35,7 @@ def _written(folder: Path, fit: Fit, **further: object) -> Path:
     return folder / "unfinished" / "model.xml" if (folder / "unfinished").exists() else folder / "model.xml"
 
 
+@pytest.mark.slow
 def test_mujoco_begins_where_the_fit_does_and_follows_it(fit: Fit, tmp_path: Path) -> None:
     monodyn.report(fit, to=tmp_path / "run")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "run" / "model.xml"))
@@ -99,6 +100,7 @@ def test_a_filmed_mechanism_has_its_camera(filmed: tuple[Scene, Poses], tmp_path
     assert said in _remarks(moving)
 
 
+@pytest.mark.slow
 def test_the_files_say_what_is_up_to_a_factor(fit: Fit, tmp_path: Path) -> None:
     absolute = "masses, inertias, frictions, springs and torques"
     said = what_is_known(made_fit())

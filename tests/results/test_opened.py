@@ -248,6 +248,7 @@ def test_a_run_that_leads_back_to_itself_is_refused(tmp_path):
         monodyn.remembered(folder)
 
 
+@pytest.mark.slow
 def test_a_run_never_replaces_those_from_which_its_mechanism_comes(tmp_path):
     """Neither the one that is its model nor one before that: their files are what it leads back to."""
     first, second, table = tmp_path / "first", tmp_path / "second", tmp_path / "poses.csv"

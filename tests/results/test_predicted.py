@@ -92,6 +92,7 @@ def test_a_run_without_a_report_and_an_approximate_one_have_a_page(run, tmp_path
     assert "report.html" not in (tmp_path / "b" / "prediction.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_length_that_moves_the_next_hinge_alone_is_told(tmp_path):
     """A written model has masses in place of densities: another length leaves them where they are."""
     mechanism = monodyn.load("double")
@@ -222,6 +223,7 @@ def test_a_film_that_is_interrupted_leaves_the_folder_as_it_was(run, tmp_path, m
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_film_shows_the_motion_over_the_first_frame(filmed, make_clip, tmp_path):
     scene, poses = filmed
     run, out, clip = tmp_path / "run", tmp_path / "ahead", scene.video.path

@@ -18,6 +18,7 @@ from support import refuses
 KINDS = ("cartpole", "double")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_gains_solve_the_riccati_equation(kind: str) -> None:
     found = regulated(kind)

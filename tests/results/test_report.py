@@ -75,6 +75,7 @@ def test_what_does_not_act_in_mujoco_either_is_said(tmp_path: Path) -> None:
     np.testing.assert_array_equal(*moved)
 
 
+@pytest.mark.slow
 def test_report_keeps_frame_numbers_and_poses(tmp_path: Path) -> None:
     mechanism = load("single")
     rng = np.random.default_rng(5)
@@ -127,6 +128,7 @@ def test_an_ensemble_that_cannot_be_drawn_is_said():
         RunSettings(ensemble=101)
 
 
+@pytest.mark.slow
 def test_a_motion_and_its_horizon_are_worked_out_once(
     filmed: tuple[Scene, Poses], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

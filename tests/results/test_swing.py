@@ -80,6 +80,7 @@ def test_limits_room_time_and_start_are_kept() -> None:
     assert swing.draws == swing.reached == 0
 
 
+@pytest.mark.slow
 def test_bad_input_is_refused() -> None:
     _, fit = identified("cartpole")
     regulator = regulated("cartpole")
@@ -108,6 +109,7 @@ def test_times_and_room_that_are_none_are_refused() -> None:
         swing_up(fit, regulator, within={"slide": (2.0, 1.0)})
 
 
+@pytest.mark.slow
 def test_no_way_is_refused() -> None:
     _, fit = identified("cartpole")
     said = (
@@ -133,6 +135,7 @@ def test_no_way_is_refused() -> None:
         )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_rate_at_which_there_may_be_no_way_is_named() -> None:
     """At five measurements a second the shortest way is one of ten seconds, whatever time is tried."""
     _, fit = identified("cartpole")

@@ -62,6 +62,7 @@ def _model(mechanism):
         return (Path(folder) / "m.xml").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_lines_between_the_rows_make_the_motion_of_a_series(fit):
     """Of its eighth harmonic a frame has a quarter of a wave: lines from frame to frame are degrees off."""
     series = fit.mechanism.with_torque("fourier", terms=8, period=1.0)

@@ -62,6 +62,7 @@ def test_a_disc_at_the_end_by_the_file_is_found_in_the_middle(tmp_path: Path) ->
     assert moved.parameter("a.disc.across").follows
 
 
+@pytest.mark.slow
 def test_a_tilted_block_is_found_at_any_turn(tmp_path: Path) -> None:
     true = body(tmp_path, BAR + block(0.15, 0.05, 2.2, (0.09, 0.02)))
     for turn in (0.4, -1.0, np.pi / 2):

@@ -33,6 +33,7 @@ def balls(tmp_path_factory) -> tuple[Mechanism, np.ndarray, np.ndarray]:
     return file, position, seen(truth, position, ("link1_dot", "tip"), camera=camera)
 
 
+@pytest.mark.slow
 def test_dots_have_their_names_in_every_frame(balls) -> None:
     file, position, px = balls
     # the order in which dots are drawn says nothing

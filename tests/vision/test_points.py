@@ -151,6 +151,7 @@ def test_slopes_are_those_of_the_places(double) -> None:
     np.testing.assert_allclose(pose_slopes(shown, shifted, base) @ step, moved - base, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_camera_lengths_and_poses_with_honest_errors(double) -> None:
     file, truth, q = double
     px = spoiled(seen(truth, q, NAMES))
@@ -176,6 +177,7 @@ def test_camera_lengths_and_poses_with_honest_errors(double) -> None:
     assert np.abs(z).max() < 5.0
 
 
+@pytest.mark.slow
 def test_names_that_are_wrong_in_all_frames_are_put_right(double) -> None:
     file, truth, q = double
     px = spoiled(seen(truth, q, NAMES))
@@ -186,6 +188,7 @@ def test_names_that_are_wrong_in_all_frames_are_put_right(double) -> None:
     assert np.nanmax(np.abs(apart(track(scene.tracks, scene).position, q))) < 0.1
 
 
+@pytest.mark.slow
 def test_markers_off_the_axis_get_their_places(double) -> None:
     file, truth, q = double
     mapped = {"a": "link1.marker", "b": "link2.marker"}
@@ -205,6 +208,7 @@ def test_a_point_that_is_elsewhere_at_the_right_distance_is_not_believed(double)
     assert np.flatnonzero(~poses.seen).tolist() == [60]
 
 
+@pytest.mark.slow
 def test_a_cart_slides(double) -> None:
     file = load("cartpole")
     joints = [joint.name for joint in file.joints]
@@ -265,6 +269,7 @@ def test_masks_and_points_do_not_mix(double) -> None:
         track(SimpleNamespace(), scene)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_a_rest_before_the_release_does_not_count(double) -> None:
     file, truth, q = double
     held = np.concatenate([np.repeat(q[:1], 20, axis=0), q])

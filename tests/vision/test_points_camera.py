@@ -37,6 +37,7 @@ def test_an_angle_of_the_camera_is_found_where_it_is_freed(double) -> None:
     assert scene.camera.yaw == pytest.approx(-0.3, abs=4.0 * scene.camera_std["camera.yaw"] + 1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("yaw", [slow(-0.35), 0.17])
 def test_an_oblique_camera_is_found(double, yaw: float) -> None:
     file, truth, q = double
@@ -70,6 +71,7 @@ def test_what_is_not_known_of_turns_is_in_what_moves_all_poses(double) -> None:
     assert (doubted > 3.0 * known).all()
 
 
+@pytest.mark.slow
 def test_before_a_square_camera_turns_are_held(double) -> None:
     file, truth, q = double
     table = tracks(NAMES, spoiled(seen(truth, q, NAMES)))
@@ -124,6 +126,7 @@ def test_the_way_that_points_show_is_that_of_the_whole_picture() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_dots_before_a_moving_camera_are_as_sure_as_its_registration(double) -> None:
     file, truth, q = double
     table = replace(tracks(NAMES, spoiled(seen(truth, q, NAMES), outliers=0.0)), told_apart=True)

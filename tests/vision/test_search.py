@@ -81,6 +81,7 @@ def test_key_frames_are_ordered_by_what_they_add() -> None:
     assert [frame.index for frame in frames.only(order[:2]).frames] == order[:2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("thicker", "score"), [(0, 0.5), slow(1, 0.41), slow(2, 0.35)])
 def test_rods_thinner_than_the_steps_of_the_search_are_found(thicker: int, score: float) -> None:
     """Rods of little more than a pixel, half covered at most: as they are, the score sees nothing of them.

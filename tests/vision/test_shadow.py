@@ -109,6 +109,7 @@ def test_what_moves_elsewhere_hides_no_shadow() -> None:
     assert find_shadow(made, within(background, background.window, others), 14.0) is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exposure", [slow(1), slow(3), 4])
 def test_what_blurs_as_it_moves_casts_no_shadow(exposure: int) -> None:
     """A link that moves while the shutter is open lets the wall through, as a shadow does."""

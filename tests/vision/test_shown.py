@@ -97,6 +97,7 @@ def test_what_cannot_be_shown_is_refused(
         frame_of(gone, 5)
 
 
+@pytest.mark.slow
 def test_a_scene_of_points_is_shown_over_its_clip(tmp_path: Path, pyplot: Any) -> None:
     file, truth, motion = stretched()
     names = ("joint1", "joint2", "link2")
