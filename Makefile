@@ -21,7 +21,7 @@ $(READY): pyproject.toml
 demo: $(READY)  ## the main job on the bundled clip
 	$(BIN)/monodyn demo --out $(DEMO) --force
 
-test: $(READY)  ## all tests but the slow ones: under two minutes on two cores, once compiled
+test: $(READY)  ## all tests but the slow ones: two to three minutes on two cores, once compiled
 	$(PYTEST) -m "not slow"
 
 check: $(READY)  ## exactly what CI runs: format, lint, types, all tests; MONODYN_DATA names a folder with recordings

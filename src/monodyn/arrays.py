@@ -59,8 +59,8 @@ def frozen(
 
 
 def _is_frozen(values: object, dtype: type) -> TypeGuard[np.ndarray]:
-    """True for an array of a type that nobody can write to, not through another one either: a search makes
-    hundreds of trees of the same joints."""
+    """True for an array of a type that owns what it holds and was made read-only: a search makes hundreds of
+    trees of the same joints. A view of another array is none, for that one may still be written to."""
     if type(values) is not np.ndarray or values.dtype != dtype:
         return False
     flags = values.flags

@@ -29,6 +29,13 @@ def test_page_says_status_and_advice_first_and_escapes() -> None:
     assert '<code>joint1.damping / link1.J</code></td><td data-title="value">0.1235</td>' in text
 
 
+def test_errors_have_two_digits_and_three_from_ten_on() -> None:
+    cart = load("cartpole")
+    slide, hinge = (joint.name for joint in cart.joints)
+    assert page._errors(cart.joints, {slide: 0.00123456, hinge: np.radians(12.345)}) == "1.2 mm · 12.3°"
+    assert page._errors(cart.joints, {slide: 0.14632, hinge: None}) == "146 mm · –"
+
+
 def section(text: str, title: str) -> str:
     """Return what stands under a heading of a page."""
     return text.partition(f"<h2>{title}</h2>")[2].partition("</section>")[0]
