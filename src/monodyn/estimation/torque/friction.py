@@ -222,7 +222,7 @@ def led(mechanism: Mechanism, names: Sequence[str]) -> Mechanism:
         names: Leads that are free, together unless the user has chosen one.
     """
     values, free = mechanism.values, mechanism.free.copy()
-    free[[mechanism.row(name) for name in names]] = True
+    free[mechanism.rows(names)] = True
     return replace(mechanism.with_values({name: values[name] or LEAD for name in names}), free=free)
 
 

@@ -52,7 +52,7 @@ def _without(mechanism: Mechanism, solution: TorqueSolution, task: Task) -> Torq
     undriven = problem.mechanism.with_torque("friction")
     free = undriven.free.copy()
     densities = [p.name for p in mechanism.parameters if p.kind == "density"]
-    free[[undriven.row(name) for name in densities]] = [mechanism.parameter(n).free for n in densities]
+    free[undriven.rows(densities)] = [mechanism.parameter(n).free for n in densities]
     passive = posed(replace(undriven, free=free), replace(task.data, torques=()))
     route = task.search(passive).route
     start = optimum.trial.at(passive.unknowns.carried(optimum.x, problem.unknowns), optimum.trial.states)
@@ -78,5 +78,5 @@ def weighed(mechanism: Mechanism) -> Mechanism:
     if all(free.get(name.replace(".density", ".thickness"), False) for name in held):
         return mechanism
     released = mechanism.free.copy()
-    released[[mechanism.row(name) for name in held]] = True
+    released[mechanism.rows(held)] = True
     return replace(mechanism, free=released)

@@ -57,10 +57,10 @@ def estimates(
     }
     # what follows by a form moves with the sizes in it, the tied ones included
     chain, slopes = unknowns.chain(x), following_slopes(mechanism.plan, mechanism.own)
-    moving = [mechanism.row(name) for name in (*unknowns.names, *unknowns.tied)]
-    inner = [k for k, row in enumerate(moving) if row < len(slopes)]
+    moving = mechanism.rows((*unknowns.names, *unknowns.tied))
+    inner = moving < len(slopes)
     for row, _ in mechanism.plan.ties:
-        columns[mechanism.plan.table.names[row]] = slopes[row, [moving[k] for k in inner]] @ chain[inner]
+        columns[mechanism.plan.table.names[row]] = slopes[row, moving[inner]] @ chain[inner]
     # sizes that are held under free torques could have any value: they are not known, though they are fixed
     held = mechanism.torque == "free"
     found = []

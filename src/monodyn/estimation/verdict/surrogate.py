@@ -71,7 +71,7 @@ class Sizes:
     def rows(self) -> np.ndarray:
         """Rows of the unknowns, then of what is tied to them, in the mechanism's table, int (row,)."""
         unknowns = self.problem.unknowns
-        return np.array([self.problem.mechanism.row(name) for name in (*unknowns.names, *unknowns.tied)])
+        return self.problem.mechanism.rows((*unknowns.names, *unknowns.tied))
 
     @cached_property
     def frictions(self) -> list[tuple[int, int]]:
@@ -131,7 +131,7 @@ class Sizes:
         """
         mechanism, names = self.problem.mechanism, self.problem.unknowns.names
         own, values = self.problem.unknowns.values(self.searched(points)), self.at(points)[0]
-        rows = np.array([mechanism.row(name) for name in names])
+        rows = mechanism.rows(names)
         inner = rows < len(values)
         own[:, inner] = values[rows[inner]].T
         return own
