@@ -94,7 +94,9 @@ def png(page: Picture) -> bytes:
     """
     import cv2
 
-    return cv2.imencode(".png", page, [cv2.IMWRITE_PNG_COMPRESSION, PACKED])[1].tobytes()
+    # of the filters, which are chosen anew for each row otherwise, one does for a page
+    how = [cv2.IMWRITE_PNG_COMPRESSION, PACKED, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB]
+    return cv2.imencode(".png", page, how)[1].tobytes()
 
 
 def jpeg(page: Picture, quality: int = 85) -> bytes:

@@ -97,7 +97,7 @@ class States(Frozen):
         return card(repr(self), table(columns, rows))
 
 
-def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
+def fill(fit: Fit, times: np.ndarray, *, record: int = 0, error_bound: float = ERROR_BOUND) -> States:
     """Simulate the identified mechanism from the fitted start state, forwards and backwards.
 
     std^2 = diag(J C J^T) with J the derivative of the motion by parameters and start state, and C their
@@ -109,6 +109,7 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
         fit: The identified mechanism.
         times: Time stamps [s], (frame,), increasing.
         record: Which record's start state.
+        error_bound: Largest integration error that is aimed at [rad or m].
 
     Returns:
         The motion at ``times``.
@@ -137,7 +138,7 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0) -> States:
     motion, std = np.zeros((2, len(times), 2 * dofs))
     for rows in (before, after):
         if len(rows):
-            motion[rows], std[rows] = _one_way(fit, start, record, times[rows])
+            motion[rows], std[rows] = _one_way(fit, start, record, times[rows], error_bound)
     joints = tuple(joint.name for joint in fit.mechanism.joints)
     return States(joints, times, motion[:, :dofs], motion[:, dofs:], std[:, :dofs], std[:, dofs:])
 
@@ -209,10 +210,12 @@ def carried_from(
     return Carried(stamps, motion, slopes, rows, drive, substeps)
 
 
-def _one_way(fit: Fit, start: Start, record: int, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _one_way(
+    fit: Fit, start: Start, record: int, times: np.ndarray, error_bound: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Simulate away from the start: states at ``times``, positions then rates, and their standard deviations,
     each (frame, 2 dof)."""
-    carried = carried_from(fit, start, record, times)
+    carried = carried_from(fit, start, record, times, error_bound=error_bound)
     rows, slopes = carried.rows, carried.slopes[carried.rows]
     variance = np.einsum("fip,pr,fir->fi", slopes, fit.motion_covariance(record), slopes, optimize=True)
     variance += _astray(fit, record, carried)[rows]

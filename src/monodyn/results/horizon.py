@@ -10,13 +10,15 @@ from monodyn.choices import Tolerance
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.wording import amount, listed
 from monodyn.mechanism import Mechanism
-from monodyn.mechanism.steps import spacing
+from monodyn.mechanism.steps import ERROR_BOUND, spacing
 from monodyn.results.curves import BAND
 from monodyn.results.fill import fill
 from monodyn.results.trace import Trace
 
 FARTHEST = 60.0
 """How long after the fitted frames is looked at most [s]."""
+EXACT = 1e-3
+"""Share of a tolerance up to which a motion is integrated wrongly."""
 
 
 class Horizon(NamedTuple):
@@ -54,11 +56,13 @@ def horizon(fit: Fit, tolerance: Tolerance | None = None, *, record: int = 0) ->
     stamps = fit.time[record] if record < len(fit.time) else np.zeros(1)
     end, step = float(stamps[-1]), spacing(stamps)
     length = float(stamps[-1] - stamps[0])
+    error_bound = max(EXACT * float(np.min(most)), ERROR_BOUND)
     # of a chaotic motion the band grows beyond all numbers: it is followed no farther than it has to be
     while True:
-        length = min(max(2.0 * length, 1.0), FARTHEST)
+        length = max(2.0 * length, 1.0)
+        length = length if 1.5 * length < FARTHEST else FARTHEST
         ahead = step * np.arange(1, max(round(length / step), 1) + 1)
-        off = ~(BAND * fill(fit, end + ahead, record=record).std <= most)
+        off = ~(BAND * fill(fit, end + ahead, record=record, error_bound=error_bound).std <= most)
         if off.any():
             return _first(fit, ahead, off)
         if length == FARTHEST:

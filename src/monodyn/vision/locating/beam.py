@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, HINGE
@@ -19,8 +20,6 @@ from monodyn.vision.locating.keyframes import KeyFrame
 
 BEYOND = 0.1
 """How far a root may slide beyond the foreground, as a share of its extent."""
-
-
 FINER = 3
 """Parts of a step to which the best positions are improved."""
 
@@ -57,46 +56,65 @@ def extended(
         (pose,); all of them where the link has no geom to judge by.
     """
     values = _joint_values(frame, rig, mechanism, link, beam)
-    grid = np.repeat(poses, len(values), axis=0)
-    grid[:, link] = np.tile(values, len(poses))
-    geoms = int(np.sum(rig.link <= link))
-    costs = pose_balance(frame.balance, rig, grid, geoms)
-    if geoms == int(np.sum(rig.link < link)):
+    circular = rig.kind[link] == HINGE and len(values) == beam.angles
+    return _extended(frame.balance, rig, poses, link, values, circular, beam.kept, *joint_limits(mechanism))
+
+
+@njit(cache=True, nogil=True)
+def _extended(
+    balance: np.ndarray, rig: Rig, poses: np.ndarray, link: int, values: np.ndarray, circular: bool,
+    kept: int, lower: np.ndarray, upper: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Set one more joint of partial poses, (pose, dof), to each of some values, and keep the best ones."""
+    count, dofs = values.size, poses.shape[1]
+    grid = np.empty((len(poses) * count, dofs))
+    for i in range(len(grid)):
+        grid[i] = poses[i // count]
+        grid[i, link] = values[i % count]
+    before, geoms = int(np.sum(rig.link < link)), int(np.sum(rig.link <= link))
+    costs = pose_balance(balance, rig, grid, geoms)
+    if geoms == before:
         # a link without geoms scores nothing: its positions all go on to the next joint
         return grid, costs
-    circular = rig.kind[link] == HINGE and len(values) == beam.angles
-    kept = best_peaks(costs.reshape(len(poses), len(values)), circular, beam.kept)
-    step = (values[1] - values[0]) / FINER if len(values) > 1 else 0.0
-    return _between(frame, rig, link, (grid[kept], costs[kept]), step, joint_limits(mechanism))
+    best = best_peaks(costs.reshape((len(poses), count)), circular, kept)
+    step = (values[1] - values[0]) / FINER if count > 1 else 0.0
+    tried = _moved(rig, link, grid[best], step, lower, upper)
+    parts = tried.shape[1]
+    others = tried[:, 1:].copy().reshape((-1, dofs))
+    every = pose_balance(balance, rig, others, geoms).reshape((len(best), parts - 1))
+    found, least = tried[:, 0].copy(), costs[best]
+    for i in range(len(best)):
+        at = np.argmin(every[i])
+        if every[i, at] < least[i]:
+            found[i], least[i] = tried[i, 1 + at], every[i, at]
+    return found, least
 
 
-def _between(
-    frame: KeyFrame,
-    rig: Rig,
-    link: int,
-    found: tuple[np.ndarray, np.ndarray],
-    step: float,
-    limits: tuple[np.ndarray, np.ndarray],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Move the last joint of some poses, and the one that it hangs on, by a step to either side.
+@njit(cache=True, nogil=True)
+def _moved(
+    rig: Rig, link: int, poses: np.ndarray, step: float, lower: np.ndarray, upper: np.ndarray
+) -> np.ndarray:
+    """Move the last joint of some poses, and the one that it hangs on, by a step to either side, (pose, part,
+    dof); the first part is the pose itself.
 
     A link that lies beside its place by half a step of the one before explains less of the mask than a wrong
     one: structures would be told apart by where the steps fall.
     """
-    poses, costs = found
-    parent = int(rig.parent[link])
-    moves = np.zeros((1, poses.shape[1]))
-    for joint in (parent, link):  # the last joint changes from pose to pose: that costs least
-        if joint >= 0 and rig.kind[joint] == rig.kind[link]:
-            shifts = np.zeros((3, poses.shape[1]))
-            shifts[:, joint] = [0.0, -step, step]
-            moves = (moves[:, np.newaxis] + shifts).reshape(-1, poses.shape[1])
-    tried = np.clip(poses[:, np.newaxis] + moves, *limits)
-    geoms = int(np.sum(rig.link <= link))
-    others = pose_balance(frame.balance, rig, tried[:, 1:].reshape(-1, poses.shape[1]), geoms)
-    every = np.column_stack([costs, others.reshape(len(poses), -1)])
-    rows, best = np.arange(len(poses)), every.argmin(axis=1)
-    return tried[rows, best], every[rows, best]
+    parent = rig.parent[link]
+    both = parent >= 0 and rig.kind[parent] == rig.kind[link]
+    shifts = np.array([0.0, -step, step])
+    parts = 9 if both else 3
+    tried = np.empty((len(poses), parts, poses.shape[1]))
+    for i in range(len(poses)):
+        for part in range(parts):
+            tried[i, part] = poses[i]
+            # the last joint changes from pose to pose: that costs least
+            tried[i, part, link] += shifts[part % 3]
+            if both:
+                tried[i, part, parent] += shifts[part // 3]
+            for joint in range(poses.shape[1]):
+                tried[i, part, joint] = min(max(tried[i, part, joint], lower[joint]), upper[joint])
+    return tried
 
 
 def slide_places(frame: KeyFrame, rig: Rig, row: int, count: int) -> np.ndarray:
@@ -127,6 +145,7 @@ def slide_places(frame: KeyFrame, rig: Rig, row: int, count: int) -> np.ndarray:
     return np.linspace(places.min() - margin, places.max() + margin, count)
 
 
+@njit(cache=True, nogil=True)
 def best_peaks(costs: np.ndarray, circular: bool, count: int) -> np.ndarray:
     """Return the flat indices of the best local minima along the rows of a table.
 
@@ -139,16 +158,23 @@ def best_peaks(costs: np.ndarray, circular: bool, count: int) -> np.ndarray:
         count: Most minima.
 
     Returns:
-        Their indices, the least first, (entry,).
+        Their indices, the least first, int (entry,).
     """
-    # beyond the ends of a row there is the other end, or nothing
-    ends = (costs[:, -1:], costs[:, :1]) if circular else (np.full((len(costs), 1), np.inf),) * 2
-    left, right = np.hstack([ends[0], costs[:, :-1]]), np.hstack([costs[:, 1:], ends[1]])
-    # one of the two comparisons is strict: a plateau counts once
-    peaks = np.nonzero(((costs <= left) & (costs < right)).ravel())[0]
-    if not len(peaks):
-        peaks = np.array([int(np.argmin(costs))])
-    return peaks[np.argsort(costs.ravel()[peaks], kind="stable")[:count]]
+    rows, columns = costs.shape
+    flat, peaks, found = costs.copy().reshape(-1), np.empty(rows * columns, dtype=np.int64), 0
+    for i in range(rows):
+        for j in range(columns):
+            # beyond the ends of a row there is the other end, or nothing
+            left = costs[i, j - 1] if j > 0 else costs[i, columns - 1] if circular else np.inf
+            right = costs[i, j + 1] if j + 1 < columns else costs[i, 0] if circular else np.inf
+            # one of the two comparisons is strict: a plateau counts once
+            if costs[i, j] <= left and costs[i, j] < right:
+                peaks[found] = i * columns + j
+                found += 1
+    if found == 0:
+        peaks[0], found = np.argmin(flat), 1
+    peaks = peaks[:found]
+    return peaks[np.argsort(flat[peaks], kind="mergesort")[:count]]
 
 
 def _joint_values(frame: KeyFrame, rig: Rig, mechanism: Mechanism, row: int, beam: Beam) -> np.ndarray:
