@@ -19,6 +19,8 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 NAME = "monodyn-core"
 """How the names of the threads begin."""
+PARTS = 4
+"""Parts, at least, into which many items are taken for each core: not all of them take equally long."""
 MMAP_THRESHOLD = -3
 """Number of the setting from which size on an array has pages of its own, in malloc.h."""
 LARGE = 2_000_000
@@ -45,11 +47,18 @@ def on_all_cores(
     # one of these threads that waited for the others could wait for itself
     if threading.current_thread().name.startswith(NAME):
         return [function(item) for item in items]
-    if most is not None and most < _cores():
-        rest, threads = list(items), _threads(os.getpid(), _cores())
-        parts = (rest[first : first + most] for first in range(0, len(rest), most))
-        return [found for part in parts for found in threads.map(function, part)]
-    return list(_threads(os.getpid(), _cores()).map(function, items))
+    every, cores = list(items), _cores()
+    threads = _threads(os.getpid(), cores)
+    if most is not None and most < cores:
+        return [found for part in _parts(every, most) for found in threads.map(function, part)]
+    # handing over each of many small items would take longer than they do
+    parts = _parts(every, max(1, len(every) // (PARTS * cores)))
+    return [found for part in threads.map(lambda part: [function(one) for one in part], parts) for found in part]
+
+
+def _parts(items: list[Item], size: int) -> Iterator[list[Item]]:
+    """Return items by so many at a time."""
+    return (items[first : first + size] for first in range(0, len(items), size))
 
 
 @contextmanager

@@ -168,15 +168,47 @@ def shapes_of(plan: Plan, values: np.ndarray) -> Shapes:
         plan: The mechanism's plan.
         values: Parameter values, those that follow by a form filled in, (param,).
     """
-    points = (plan.outline[:, :-1] @ values + plan.outline[:, -1]).reshape(-1, 3)
+    points, radius = outlines_of_many(plan, values[np.newaxis])
+    bodies = tuple(solid.body for solid in plan.drawn)
+    return Shapes(plan.shape_link, bodies, plan.first, points[0], radius[0])
+
+
+def outlines_of_many(plan: Plan, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what is drawn of the geoms at many parameter values.
+
+    Args:
+        plan: The mechanism's plan.
+        values: Parameter values, those that follow by a form filled in, (step, param).
+
+    Returns:
+        Points of ``Shapes`` [m], (step, point, 3), and the radius around them [m], (step, geom).
+    """
+    points = (values @ plan.outline[:, :-1].T + plan.outline[:, -1]).reshape(len(values), -1, 3)
     # about its own middle a geom is turned as it is: its mass, its extents and its inertia stay
     for shape, row, start, middle in plan.turns:
-        c, s = np.cos(values[row] - start), np.sin(values[row] - start)
+        c, s = np.cos(values[:, row] - start), np.sin(values[:, row] - start)
+        turn = np.stack([np.stack([c, s], axis=1), np.stack([-s, c], axis=1)], axis=1)
         own = slice(plan.first[shape], plan.first[shape + 1])
-        centre = middle[:, :-1] @ values + middle[:, -1]
-        points[own, :2] = centre + (points[own, :2] - centre) @ np.array([[c, s], [-s, c]])
-    radius = plan.radius[:, :-1] @ values + plan.radius[:, -1]
-    return Shapes(plan.shape_link, tuple(solid.body for solid in plan.drawn), plan.first, points, radius)
+        centre = (values @ middle[:, :-1].T + middle[:, -1])[:, np.newaxis]
+        points[:, own, :2] = centre + (points[:, own, :2] - centre) @ turn
+    return points, values @ plan.radius[:, :-1].T + plan.radius[:, -1]
+
+
+def drawn_of_many(
+    plan: Plan, values: np.ndarray, own: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what a picture depends on at many parameter values.
+
+    Args:
+        plan: The mechanism's plan.
+        values: Parameter values, (step, param).
+        own: As in ``links_of``, (param,).
+
+    Returns:
+        The columns of ``Tree.links``, (step, dof, column), and as in ``outlines_of_many``.
+    """
+    links = np.ascontiguousarray(np.moveaxis(links_of(plan, values.T, own), -1, 0))
+    return links, *outlines_of_many(plan, settled(plan, values.T, own).T)
 
 
 def derivatives(

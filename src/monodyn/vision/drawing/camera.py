@@ -69,14 +69,18 @@ def rotation(camera: Camera) -> np.ndarray:
     Returns:
         ``R_camera_plane``, (3, 3).
     """
-    cr, sr = np.cos(camera.roll), np.sin(camera.roll)
-    cp, sp = np.cos(camera.pitch), np.sin(camera.pitch)
-    cy, sy = np.cos(camera.yaw), np.sin(camera.yaw)
-    roll = np.array([[cr, -sr, 0.0], [sr, cr, 0.0], [0.0, 0.0, 1.0]])
-    pitch = np.array([[1.0, 0.0, 0.0], [0.0, cp, sp], [0.0, -sp, cp]])
-    yaw = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]])
-    # the last factor turns y down and z away from the camera: the rest is the identity for a level camera
-    return roll @ pitch @ yaw @ np.diag([1.0, -1.0, -1.0])
+    cr, sr = math.cos(camera.roll), math.sin(camera.roll)
+    cp, sp = math.cos(camera.pitch), math.sin(camera.pitch)
+    cy, sy = math.cos(camera.yaw), math.sin(camera.yaw)
+    # the product of the turns by roll, pitch and yaw, y turned down and z away from the camera: for a level
+    # camera those two alone
+    return np.array(
+        [
+            [cr * cy - sr * sp * sy, sr * cp, cr * sy + sr * sp * cy],
+            [sr * cy + cr * sp * sy, -cr * cp, sr * sy - cr * sp * cy],
+            [cp * sy, sp, -cp * cy],
+        ]
+    )
 
 
 def turned(camera: Camera, angle: float, about: np.ndarray) -> Camera:

@@ -194,7 +194,7 @@ def edge_terms(
     return EdgeTerms(normal, right, agreement_of(found))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def edge_kernel(
     planes: np.ndarray,
     view: View,

@@ -11,9 +11,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.assemble import drawn_of_many
 from monodyn.types import Camera
-from monodyn.vision.drawing.camera import PARAMETERS
+from monodyn.vision.drawing.camera import PARAMETERS, camera_array, shrunk
 from monodyn.vision.drawing.edges import MATCHED_PX, Agreement, Shifts, edge_terms
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.rig import Rig, rig_of
@@ -191,21 +193,15 @@ def shifted_rigs(
     """
     rig = rig_of(mechanism, camera, shrink=shrink)
     steps = np.where(variables.log, 1e-6, 1e-7)
-    others = []
+    shifted = x + np.diag(steps)
+    rows, values = variables.values_at(shifted, mechanism)
+    numbers = np.tile(mechanism.numbers[: len(mechanism.plan.table.names)], (len(x), 1))
+    numbers[:, rows] = values
+    links, points, radius = drawn_of_many(mechanism.plan, numbers, mechanism.own)
+    cameras = np.tile(rig.camera, (len(x), 1))
     for i, name in enumerate(variables.names):
-        shifted = x.copy()
-        shifted[i] += steps[i]
-        # each of them concerns the mechanism or the camera: the other one stays
         if name in PARAMETERS:
-            other = mechanism, variables.camera_at(shifted, camera)
-        else:
-            other = variables.mechanism_at(shifted, mechanism), camera
-        others.append(rig_of(*other, shrink=shrink))
-    # reshaped, so that there may be no variable at all
-    links, points, radius, cameras = (
-        np.array([getattr(other, field) for other in others]).reshape(len(x), *getattr(rig, field).shape)
-        for field in ("links", "points", "radius", "camera")
-    )
+            cameras[i] = shrunk(camera_array(variables.camera_at(shifted[i], camera)), shrink)
     return rig, Shifts(links, points, radius, cameras, steps)
 
 
@@ -214,10 +210,10 @@ def _normal_equations(
 ) -> _Terms:
     """Search the edges of every key frame and form its normal equations; ``search`` is reach and spacing."""
     rigs = [rig] * len(q) if masks.shutter is None else [masks.shutter.of(rig, k) for k in range(len(q))]
-    blocks = [
-        edge_terms(planes, masks.view, moving, shifts, pose, *search)
-        for planes, pose, moving in zip(masks.planes, q, rigs, strict=True)
-    ]
+    blocks = on_all_cores(
+        lambda frame: edge_terms(frame[0], masks.view, frame[2], shifts, frame[1], *search),
+        zip(masks.planes, q, rigs, strict=True),
+    )
     dofs = q.shape[1]
     normal = np.stack([block.normal for block in blocks])
     right = np.stack([block.right for block in blocks])

@@ -123,16 +123,33 @@ class SceneVariables:
         Returns:
             The mechanism with the new values.
         """
-        pairs = self._values(x)
-        of_mechanism = {n: v for n, v in pairs.items() if n not in PARAMETERS}
-        for name, size in zip(self.names, self.against, strict=True):
+        rows, values = self.values_at(x[np.newaxis], mechanism)
+        return mechanism.at_rows(rows, values[0])
+
+    def values_at(self, x: np.ndarray, mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray]:
+        """Return what concerns a mechanism, for many vectors at once.
+
+        Args:
+            x: The variables, (vector, param).
+            mechanism: The mechanism.
+
+        Returns:
+            Rows of its table of parameters, int64 (row,), and the values there, (vector, row).
+        """
+        of_all, before = self._values(x), mechanism.plan_numbers
+        values = of_all.copy()
+        for i, size in enumerate(self.against):
             if size:
-                of_mechanism[name] *= pairs[size] if size in pairs else mechanism.values[size]
-        if SIDES in self.kinds:
-            first = self.names[self.kinds.index(SIDES)]
-            factor = pairs[first] / mechanism.values[first]
-            of_mechanism |= {name: mechanism.values[name] * factor for name in self.thick}
-        return mechanism.with_values(of_mechanism)
+                inside = size in self.names
+                values[:, i] *= of_all[:, self.names.index(size)] if inside else before[mechanism.row(size)]
+        own = [i for i, name in enumerate(self.names) if name not in PARAMETERS]
+        rows, values = mechanism.rows([self.names[i] for i in own]), values[:, own]
+        if SIDES not in self.kinds:
+            return rows, values
+        first, thick = self.kinds.index(SIDES), mechanism.rows(self.thick)
+        factor = of_all[:, [first]] / before[mechanism.row(self.names[first])]
+        kept = ~np.isin(rows, thick)
+        return np.append(rows[kept], thick), np.hstack([values[:, kept], before[thick] * factor])
 
     def camera_at(self, x: np.ndarray, camera: Camera) -> Camera:
         """Write what concerns a camera into it.
@@ -144,15 +161,15 @@ class SceneVariables:
         Returns:
             The camera with the new values.
         """
-        of_camera = {n: v for n, v in self._values(x).items() if n in PARAMETERS}
+        pairs = zip(self.names, self._values(x).tolist(), strict=True)
+        of_camera = {name: value for name, value in pairs if name in PARAMETERS}
         if not self.about_origin:
             return with_values(camera, of_camera)
         return from_origin(with_values(around_origin(camera), of_camera))
 
-    def _values(self, x: np.ndarray) -> dict[str, float]:
-        """Return what the variables stand for by name; places are ratios still."""
-        values = np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
-        return dict(zip(self.names, values.tolist(), strict=True))
+    def _values(self, x: np.ndarray) -> np.ndarray:
+        """Return what the variables stand for, (..., param); places are ratios still."""
+        return np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
 
 
 def scene_variables(mechanism: Mechanism, names: Sequence[str]) -> SceneVariables:
