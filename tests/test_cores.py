@@ -18,8 +18,8 @@ def test_results_come_in_the_order_of_the_items(monkeypatch: pytest.MonkeyPatch)
     both = threading.Barrier(2, timeout=20.0)
 
     def square(number: int) -> int:
-        # neither of the first two ends before the other has begun
-        if number < 2:
+        # neither the first nor the last ends before the other has begun
+        if number in (0, 49):
             both.wait()
         return number * number
 
@@ -27,9 +27,14 @@ def test_results_come_in_the_order_of_the_items(monkeypatch: pytest.MonkeyPatch)
     assert on_all_cores(square, []) == []
 
 
-def test_an_error_of_the_function_is_raised() -> None:
-    with pytest.raises(ZeroDivisionError):
-        on_all_cores(lambda number: 1 // number, [2, 1, 0, 3])
+def test_the_error_of_the_first_item_that_has_one_is_raised() -> None:
+    def refused(number: int) -> int:
+        if number >= 17:
+            raise ValueError(number)
+        return number
+
+    with pytest.raises(ValueError, match="^17$"):
+        on_all_cores(refused, range(60))
 
 
 def test_work_within_work_waits_for_no_thread() -> None:

@@ -20,7 +20,7 @@ Result = TypeVar("Result")
 NAME = "monodyn-core"
 """How the names of the threads begin."""
 PARTS = 4
-"""Parts, at least, into which many items are taken for each core: not all of them take equally long."""
+"""Parts in which many items are taken by each core: not all of them take equally long."""
 MMAP_THRESHOLD = -3
 """Number of the setting from which size on an array has pages of its own, in malloc.h."""
 LARGE = 2_000_000
@@ -52,13 +52,14 @@ def on_all_cores(
     if most is not None and most < cores:
         return [found for part in _parts(every, most) for found in threads.map(function, part)]
     # handing over each of many small items would take longer than they do
-    parts = _parts(every, max(1, len(every) // (PARTS * cores)))
-    return [found for part in threads.map(lambda part: [function(one) for one in part], parts) for found in part]
+    parts = _parts(every, -(-len(every) // (PARTS * cores)))
+    made = threads.map(lambda part: [function(item) for item in part], parts)
+    return [found for part in made for found in part]
 
 
 def _parts(items: list[Item], size: int) -> Iterator[list[Item]]:
     """Return items by so many at a time."""
-    return (items[first : first + size] for first in range(0, len(items), size))
+    return (items[first : first + size] for first in range(0, len(items), max(1, size)))
 
 
 @contextmanager

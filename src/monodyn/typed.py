@@ -20,6 +20,10 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 from monodyn.errors import SettingsError, behind, is_spent
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+Test = Callable[[Any], bool]
+"""Tells whether a value is of one type."""
+NUMBERS = "biuf"
+"""Kinds of arrays of numbers, as numpy calls them."""
 TRUTH = ("bool", "bool_")
 """Types of True and False, of Python and of numpy, which is not loaded for this."""
 
@@ -147,47 +151,70 @@ def is_a(value: Any, hint: Any) -> bool:
         value: Anything.
         hint: An annotation; where it is of a kind that is not known here, everything is.
     """
+    return _test(hint)(value)
+
+
+@cache
+def _test(hint: Any) -> Test:
+    """Return what tells values of a type: an annotation is taken apart once, and not for each frame."""
     origin, inner = get_origin(hint), get_args(hint)
-    if origin in (Union, UnionType):
-        return any(is_a(value, one) for one in inner)
     if origin is Literal:
         # which words there are is the functions' own matter: they name them all
-        return any(isinstance(value, type(one)) for one in inner)
+        words = tuple(type(one) for one in inner)
+        return lambda value: isinstance(value, words)
+    if origin is not None and inspect.isclass(origin) and issubclass(origin, Callable):
+        return callable
+    tests = [_test(one) for one in inner if origin is not None and one is not Ellipsis]
+    if origin in (Union, UnionType):
+        return lambda value: any(test(value) for test in tests)
     if origin is tuple and inner and inner[-1] is not Ellipsis:
-        return _listed(value) and len(value) == len(inner) and all(map(is_a, value, inner))
+        return lambda value: (
+            _listed(value)
+            and len(value) == len(tests)
+            and all(test(one) for test, one in zip(tests, value, strict=True))
+        )
     if inspect.isclass(origin) and issubclass(origin, Mapping):
-        return isinstance(value, Mapping) and all(
-            is_a(key, inner[0]) and is_a(item, inner[1]) for key, item in value.items()
+        key, item = tests
+        return lambda value: (
+            isinstance(value, Mapping) and all(key(k) and item(one) for k, one in value.items())
         )
     if inspect.isclass(origin) and issubclass(origin, Collection):
-        return _listed(value) and all(is_a(item, inner[0]) for item in value)
-    if origin is not None and inspect.isclass(origin) and issubclass(origin, Callable):
-        return callable(value)
-    return _of_class(value, hint if origin is None else origin)
+        return lambda value: _listed(value) and all(tests[0](one) for one in value)
+    return _test_of_class(hint if origin is None else origin)
 
 
-def _of_class(value: object, kind: Any) -> bool:
-    """True for a value of a class; numbers of numpy count as numbers, truth does not."""
+def _test_of_class(kind: Any) -> Test:
+    """Return what tells values of a class; numbers of numpy count as numbers, truth does not."""
     if kind is None or kind is type(None):
-        return value is None
+        return lambda value: value is None
     if kind is float:
-        # a whole number may be larger than any number of a computer's arithmetic
-        small = not isinstance(value, int) or value.bit_length() < sys.float_info.max_exp
-        return isinstance(value, Real) and not isinstance(value, bool) and small
+        return _is_number
     if kind is int:
-        return isinstance(value, Integral) and not isinstance(value, bool)
+        return lambda value: (
+            type(value) is int or (isinstance(value, Integral) and not isinstance(value, bool))
+        )
     if kind is bool:
-        return type(value).__name__ in TRUTH
+        return lambda value: type(value).__name__ in TRUTH
     if kind is str or kind is Path:
-        return isinstance(value, kind) and _nameable(str(value))
+        return lambda value: isinstance(value, kind) and _nameable(str(value))
     if getattr(kind, "__name__", "") == "ndarray":
-        return _is_array(value)
+        return lambda value: (
+            value.ndim > 0 and value.dtype.kind in NUMBERS if type(value) is kind else _is_array(value)
+        )
     if kind is Any or not inspect.isclass(kind):
-        return True
+        return lambda value: True
     if getattr(kind, "_is_protocol", False):
         stated = [name for name in (*vars(kind), *kind.__annotations__) if name in CALLED or name[0] != "_"]
-        return not inspect.isclass(value) and all(hasattr(value, name) for name in stated)
-    return isinstance(value, kind)
+        return lambda value: not inspect.isclass(value) and all(hasattr(value, name) for name in stated)
+    return lambda value: isinstance(value, kind)
+
+
+def _is_number(value: object) -> bool:
+    """True for a number; a whole one may be larger than any of a computer's arithmetic."""
+    if type(value) is float:
+        return True
+    small = not isinstance(value, int) or value.bit_length() < sys.float_info.max_exp
+    return isinstance(value, Real) and not isinstance(value, bool) and small
 
 
 def _nameable(text: str) -> bool:
@@ -203,7 +230,7 @@ def _is_array(value: Any) -> bool:
     from numpy import asarray
 
     try:
-        return _listed(value) and asarray(value).dtype.kind in "biuf"
+        return _listed(value) and asarray(value).dtype.kind in NUMBERS
     except (TypeError, ValueError):
         return False
 
