@@ -114,3 +114,31 @@ def test_a_large_array_that_is_let_go_leaves_the_process() -> None:
         "assert before - held() > 8 * 2 * LARGE\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the allocator of Linux")
+def test_threads_share_one_heap() -> None:
+    code = (
+        "import sys, threading\n"
+        "from monodyn.cores import share_one_heap\n"
+        "if sys.argv[1] == 'shared': share_one_heap()\n"
+        "both = threading.Barrier(3)\n"
+        "def work():\n"
+        "    held = [bytearray(1000) for _ in range(2000)]\n"
+        "    both.wait(20.0); both.wait(20.0)\n"
+        "threads = [threading.Thread(target=work) for _ in range(2)]\n"
+        "for thread in threads: thread.start()\n"
+        "both.wait(20.0)\n"
+        "# each further heap is a reservation of 64 MB that nothing may read or write yet\n"
+        "lines = open('/proc/self/smaps').read().split('VmFlags')\n"
+        "sizes = [int(a.split('-')[1].split()[0], 16) - int(a.split('-')[0].split()[-1], 16)\n"
+        "         for a in lines if '---p' in a]\n"
+        "print(sum(60e6 < size < 67_108_864 for size in sizes))\n"
+        "both.wait(20.0)\n"
+    )
+    found = [
+        int(subprocess.run([sys.executable, "-c", code, how], check=True, capture_output=True).stdout)
+        for how in ("own", "shared")
+    ]
+    assert found[0] >= 2
+    assert found[1] == 0

@@ -187,6 +187,9 @@ def _dispatch(words: list[str]) -> int:
             return 0
     if isinstance(options, int):
         return options
+    from monodyn.cores import share_one_heap
+
+    share_one_heap()
     if compiled_before():
         return options.go()
     if not getattr(options, "quiet", True) and sys.stderr.isatty():

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.errors import MechanismError
-from monodyn.mechanism.axis import TOUCHING, profile
+from monodyn.mechanism.axis import RODS, TOUCHING, profile
 from monodyn.mechanism.parts import Geom, Link, Site
 
 if TYPE_CHECKING:
@@ -111,8 +111,9 @@ def chosen_bodies(mechanism: Mechanism, bodies: str) -> str:
 
 def _is_dot(geom: Geom, link: Link) -> bool:
     """Return whether a geom is round in the plane and apart from its hinge, or about it and still."""
-    shape = profile(geom)
-    if shape.long is not None or geom.kind == "mesh":
+    # nothing else is round, and a film asks for each picture
+    shape = profile(geom) if geom.kind in RODS else None
+    if shape is None or shape.long is not None:
         return False
     away = float(np.hypot(*shape.centre))
     return link.joint.kind == "slide" or away > shape.half[0] or away <= TOUCHING * shape.half[0]
