@@ -59,6 +59,9 @@ SIGNALLED = 128
 """The exit code of a program that a signal has ended is this much more than the number of the signal."""
 INTERRUPT = 2
 """The number of Ctrl-C (SIGINT)."""
+SELDOM = (50_000, 20, 100)
+"""How rarely all that a process holds is searched for circles: what it makes is arrays, and searching what it
+imports, again and again while it does, takes a twentieth of a run."""
 UNFORESEEN = 70
 """Exit code of an error that nobody foresaw: an internal software error, by the custom of sysexits.h."""
 
@@ -79,6 +82,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             # MuJoCo draws nothing here, and a way of drawing that this machine lacks would keep it from being
             # loaded; a program that calls us may draw with it
             os.environ.pop("MUJOCO_GL", None)
+            gc.set_threshold(*SELDOM)
         # whoever calls us in a process of their own wants to hear what libraries say
         with alone() if argv is None else nullcontext(), safe():
             return _main(list(sys.argv[1:] if argv is None else argv))
