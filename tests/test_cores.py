@@ -33,7 +33,7 @@ def test_the_error_of_the_first_item_that_has_one_is_raised() -> None:
             raise ValueError(number)
         return number
 
-    with pytest.raises(ValueError, match="^17$"):
+    with pytest.raises(ValueError, match=r"^17$"):
         on_all_cores(refused, range(60))
 
 
