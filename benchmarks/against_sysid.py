@@ -145,7 +145,7 @@ def compared(poses: Poses, repeats: int) -> list[Figure]:
             least=True,
         ),
         Figure(case, "scipy script / Monodyn begun there", script / from_there.seconds, "times"),
-        Figure(case, "mujoco.sysid / Monodyn from nothing", fastest / from_nothing.seconds, "times"),
+        Figure(case, "mujoco.sysid / search from nothing", fastest / from_nothing.seconds, "times"),
         Figure(case, "mujoco.sysid / all of identify", fastest / by_monodyn.seconds, "times"),
         Figure(case, "scipy script / all of identify", script / by_monodyn.seconds, "times"),
     ]

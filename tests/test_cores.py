@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import threading
@@ -27,7 +28,10 @@ def test_results_come_in_the_order_of_the_items(monkeypatch: pytest.MonkeyPatch)
     assert on_all_cores(square, []) == []
 
 
-def test_the_error_of_the_first_item_that_has_one_is_raised() -> None:
+def test_the_error_of_the_first_item_that_has_one_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    # 17 is inside of a part, and other parts fail before it is reached
+    monkeypatch.setattr(cores, "_cores", lambda: 2)
+
     def refused(number: int) -> int:
         if number >= 17:
             raise ValueError(number)
@@ -35,6 +39,27 @@ def test_the_error_of_the_first_item_that_has_one_is_raised() -> None:
 
     with pytest.raises(ValueError, match=r"^17$"):
         on_all_cores(refused, range(60))
+
+
+def test_after_an_error_the_rest_is_left_undone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cores, "_cores", lambda: 2)
+    begun, failed, done = threading.Event(), threading.Event(), []
+
+    def work(number: int) -> None:
+        if number == 0:
+            assert begun.wait(20.0)
+            raise ZeroDivisionError
+        begun.set()
+        assert failed.wait(20.0)
+        done.append(number)
+
+    with pytest.raises(ZeroDivisionError):
+        on_all_cores(work, range(800))
+    failed.set()
+    both = threading.Barrier(2, timeout=20.0)
+    # each of the two threads comes here after what is left of its part, the one item that it had begun
+    list(cores._threads(os.getpid(), 2).map(lambda _: both.wait(), range(2)))
+    assert len(done) <= 2
 
 
 def test_work_within_work_waits_for_no_thread() -> None:

@@ -53,10 +53,18 @@ def on_all_cores(
     threads = _threads(os.getpid(), cores)
     if most is not None and most < cores:
         return [found for part in _parts(every, most) for found in threads.map(function, part)]
-    # handing over each of many small items would take longer than they do
-    parts = _parts(every, -(-len(every) // (PARTS * cores)))
-    made = threads.map(lambda part: [function(item) for item in part], parts)
-    return [found for part in made for found in part]
+    left = threading.Event()
+
+    def worked(part: list[Item]) -> list[Result]:
+        # after Ctrl-C nobody waits for the rest of a part
+        return [function(item) for item in part if not left.is_set()]
+
+    try:
+        # handing over each of many small items would take longer than they do
+        made = threads.map(worked, _parts(every, -(-len(every) // (PARTS * cores))))
+        return [found for part in made for found in part]
+    finally:
+        left.set()
 
 
 def _parts(items: list[Item], size: int) -> Iterator[list[Item]]:

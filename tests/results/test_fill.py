@@ -84,11 +84,23 @@ def test_the_std_of_the_rates_is_the_slope_of_the_motion_by_what_is_unknown(fit)
     np.testing.assert_allclose(stated.velocity_std, np.sqrt(variance[1]), rtol=2e-3, atol=1e-3)
 
 
+def test_a_motion_is_as_exact_as_is_asked(fit):
+    exact = fill(fit, ALL, error_bound=1e-10).position
+    off = [np.abs(fill(fit, ALL, error_bound=bound).position - exact).max() for bound in (1e-2, 1e-5, 1e-8)]
+    assert 1e-6 < off[0] < 1e-2
+    assert off[1] < 1e-5
+    assert off[2] < 1e-8
+
+
 def test_bad_input_is_refused(fit):
     with refuses(SettingsError, "fill: expected a record from 0 to 0, got 2."):
         fill(fit, np.array([0.0, 1.0]), record=2)
     with refuses(SettingsError, "fill: times: must increase, but sample 1 is 0.5 s after 1 s."):
         fill(fit, np.array([1.0, 0.5]))
+    for bound in (0.0, -1e-6, np.nan, np.inf):
+        said = f"fill: expected an error bound above 0 and finite [rad or m], got {bound:g}; give another."
+        with refuses(SettingsError, said):
+            fill(fit, ALL, error_bound=bound)
     said = "fill: expected an identified mechanism, got a fit without one: Too few frames."
     with refuses(SettingsError, said):
         fill(made_fit(starts=(), status="Too few frames."), ALL)

@@ -10,10 +10,11 @@ import pytest
 
 from models import read
 from monodyn.mechanism import load
+from monodyn.mechanism.tree import HINGE
 from monodyn.types import FULL, Camera
 from monodyn.vision.drawing.camera import from_origin
 from monodyn.vision.drawing.mismatch import pose_balance, row_balance
-from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.drawing.rig import joint_limits, rig_of
 from monodyn.vision.locating.beam import BEYOND, Beam, best_peaks, extended, slide_places
 from monodyn.vision.locating.keyframes import KeyFrame
 from pictures import drawn_mask
@@ -81,6 +82,51 @@ def test_poses_are_improved_between_the_tried_positions() -> None:
     # a third of half the 10 degrees between two tried positions
     assert np.abs(best - truth).max() < np.radians(10.0) / 6 + 0.02
     np.testing.assert_allclose(costs, pose_balance(row_balance(frame.sums), rig, poses, 2), rtol=1e-9)
+
+
+@pytest.mark.parametrize("model", ["double", "cartpole"])
+def test_a_step_is_that_of_a_slow_twin(model: str) -> None:
+    """Each position of a joint on its own, minima by comparing neighbours, the nine places around them."""
+    mechanism = load(model)
+    rig, (lower, upper) = rig_of(mechanism, CAMERA), joint_limits(mechanism)
+    truth = np.array([-0.93, 1.36] if model == "double" else [0.04, -1.5])
+    frame = frame_of(drawn_mask(mechanism, CAMERA, truth))
+    poses, beam = np.zeros((1, 2)), Beam(5, 30, 12)
+    for link in range(2):
+        hinge = rig.kind[link] == HINGE
+        turns = np.arange(30) * 2.0 * np.pi / 30 - np.pi
+        values = turns if hinge else slide_places(frame, rig, link, 12)
+        geoms = int(np.sum(rig.link <= link))
+
+        def cost(pose: np.ndarray, geoms: int = geoms) -> float:
+            return float(pose_balance(frame.balance, rig, pose[np.newaxis], geoms)[0])
+
+        table = {}
+        for i, pose in enumerate(poses):
+            for j, value in enumerate(values):
+                table[i, j] = cost(np.where(np.arange(2) == link, value, pose))
+        last = len(values) - 1
+        minima = []
+        for (i, j), own in table.items():
+            before = table[i, j - 1 if j else last] if j or hinge else np.inf
+            after = table[i, j + 1 if j < last else 0] if j < last or hinge else np.inf
+            if own <= before and own < after:
+                minima.append((own, i, j))
+        step, wanted = (values[1] - values[0]) / 3.0, []
+        for own, i, j in sorted(minima)[:5]:
+            at = np.where(np.arange(2) == link, values[j], poses[i])
+            best = own, at
+            moves = (0.0, -step, step)
+            with_parent = link == 1 and rig.kind[0] == rig.kind[1]
+            for of_parent in moves if with_parent else (0.0,):
+                for of_joint in moves:
+                    moved = at + np.array([of_parent, of_joint] if link == 1 else [of_joint, 0.0])
+                    moved = np.clip(moved, lower, upper)
+                    best = min(best, (cost(moved), moved), key=lambda one: one[0])
+            wanted.append(best)
+        poses, costs = extended(frame, rig, mechanism, link, poses, beam)
+        np.testing.assert_allclose(costs, [one for one, _ in wanted], rtol=1e-9)
+        np.testing.assert_allclose(poses, [pose for _, pose in wanted], atol=1e-12)
 
 
 def test_improved_poses_stay_within_the_limits(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,13 @@ import pytest
 
 from monodyn.mechanism import Mechanism, load
 from monodyn.types import Camera
+from monodyn.vision.drawing.camera import PARAMETERS
 from monodyn.vision.drawing.follow import EdgeSearch
-from monodyn.vision.locating.bundle import KeyMasks, refine
+from monodyn.vision.drawing.rig import SHOWN_KINDS, rig_of
+from monodyn.vision.locating.bundle import KeyMasks, refine, shifted_rigs
 from monodyn.vision.locating.knowledge import size_information
 from monodyn.vision.locating.search import SceneGuess
-from monodyn.vision.locating.variables import scene_variables
+from monodyn.vision.locating.variables import SIDES, scene_variables
 from pictures import CAMERA, drawn_mask, trusted
 
 
@@ -56,6 +59,42 @@ def test_refine_recovers_camera_and_size_ratios() -> None:
     ratio = np.zeros(len(names))
     ratio[[0, 4]] = 1.0, -1.0
     assert np.sqrt(ratio @ np.linalg.pinv(information) @ ratio) == pytest.approx(5e-3, rel=0.3)
+
+
+@pytest.mark.parametrize("shrink", [1.0, 3.0])
+@pytest.mark.parametrize("about_origin", [False, True])
+@pytest.mark.parametrize("model", ["double", "cartpole", "hammer"])
+def test_shifted_mechanisms_are_those_of_a_slow_twin(
+    tmp_path: Path, model: str, about_origin: bool, shrink: float
+) -> None:
+    """One mechanism and one camera made for each variable, where the other way makes all of them at once."""
+    if model == "hammer":
+        (tmp_path / "hammer.xml").write_text(
+            '<mujoco><worldbody><body name="a"><joint name="j" axis="0 -1 0"/>'
+            '<geom type="box" size=".12 .003 .015" pos=".12 0 0"/>'
+            '<geom name="head" type="box" size=".02 .003 .05" pos=".24 0 .01" euler="0 20 0"/>'
+            '<body name="b" pos=".24 0 .02"><joint name="k" axis="0 -1 0"/>'
+            '<geom type="capsule" fromto="0 0 0 .1 0 .03" size=".01"/></body></body></worldbody></mujoco>'
+        )
+    mechanism = load(tmp_path / "hammer.xml" if model == "hammer" else model)
+    kinds = (*SHOWN_KINDS, SIDES)
+    own = [p.name for p in mechanism.parameters if p.kind in kinds and not p.follows]
+    variables = replace(scene_variables(mechanism, [*own, *PARAMETERS]), about_origin=about_origin)
+    camera = replace(CAMERA, roll=0.1, pitch=-0.05, yaw=0.2)
+    rng = np.random.default_rng(5)
+    x = variables.read(mechanism, camera)
+    x = x + rng.normal(scale=0.03, size=len(x))
+    mechanism, camera = variables.write(x, mechanism, camera)
+    np.testing.assert_allclose(variables.read(mechanism, camera), x, atol=1e-12)
+    rig, shifts = shifted_rigs(variables, x, mechanism, camera, shrink)
+    assert len(x) == len(shifts.steps) > 8
+    for i, step in enumerate(shifts.steps):
+        twin = rig_of(*variables.write(x + step * np.eye(len(x))[i], mechanism, camera), shrink=shrink)
+        for name in ("links", "points", "radius", "camera"):
+            change = (getattr(shifts, name if name != "camera" else "cameras")[i] - getattr(rig, name)) / step
+            wanted = (getattr(twin, name) - getattr(rig, name)) / step
+            # rounding over the step
+            np.testing.assert_allclose(change, wanted, rtol=1e-6, atol=1e-6 * max(1.0, np.abs(wanted).max()))
 
 
 def test_nothing_to_refine_but_the_poses() -> None:

@@ -60,8 +60,8 @@ SIGNALLED = 128
 INTERRUPT = 2
 """The number of Ctrl-C (SIGINT)."""
 SELDOM = (50_000, 20, 100)
-"""How rarely all that a process holds is searched for circles: what it makes is arrays, and searching what it
-imports, again and again while it does, takes a twentieth of a run."""
+"""Thresholds of the three generations of the garbage collector: what a process makes is arrays, and to search
+what it imports for circles, again and again while it does, takes a twentieth of a run."""
 UNFORESEEN = 70
 """Exit code of an error that nobody foresaw: an internal software error, by the custom of sysexits.h."""
 
@@ -85,13 +85,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             gc.set_threshold(*SELDOM)
         # whoever calls us in a process of their own wants to hear what libraries say
         with alone() if argv is None else nullcontext(), safe():
-            return _main(list(sys.argv[1:] if argv is None else argv))
+            return _main(list(sys.argv[1:] if argv is None else argv), own=argv is None)
     # before anything was loaded, or while the streams are put back
     except KeyboardInterrupt:
         return _interrupted()
 
 
-def _main(words: list[str]) -> int:
+def _main(words: list[str], *, own: bool) -> int:
+    """Run one command, in a process of its own or in that of a caller."""
     # the matrices are small: more threads only wait for each other, and numpy reads this when it is loaded
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if sys.flags.optimize > 1:
@@ -103,7 +104,7 @@ def _main(words: list[str]) -> int:
     came: list[int] = []
     try:
         with never_lost() as came:
-            return _dispatch(words)
+            return _dispatch(words, own=own)
     except KeyboardInterrupt as stop:
         # the second one does not wait until the first one can say what there is
         twice = ("what was written before stays.",) if len(came) > 1 else ()
@@ -155,7 +156,7 @@ def _unforeseen(error: Exception) -> int:
     return UNFORESEEN
 
 
-def _dispatch(words: list[str]) -> int:
+def _dispatch(words: list[str], *, own: bool) -> int:
     from monodyn.cli.streams import compiled_before, keep_compiled, printing
 
     if not words or words[0] in ("-h", "--help", "--help-all", "help", "-V", "--version"):
@@ -191,9 +192,10 @@ def _dispatch(words: list[str]) -> int:
             return 0
     if isinstance(options, int):
         return options
-    from monodyn.cores import share_one_heap
+    if own:
+        from monodyn.cores import share_one_heap
 
-    share_one_heap()
+        share_one_heap()
     if compiled_before():
         return options.go()
     if not getattr(options, "quiet", True) and sys.stderr.isatty():

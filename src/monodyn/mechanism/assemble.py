@@ -183,7 +183,9 @@ def outlines_of_many(plan: Plan, values: np.ndarray) -> tuple[np.ndarray, np.nda
     Returns:
         Points of ``Shapes`` [m], (step, point, 3), and the radius around them [m], (step, geom).
     """
-    points = (values @ plan.outline[:, :-1].T + plan.outline[:, -1]).reshape(len(values), -1, 3)
+    # there may be no step at all, so the number of points is not left open
+    points = values @ plan.outline[:, :-1].T + plan.outline[:, -1]
+    points = points.reshape(len(values), len(plan.outline) // 3, 3)
     # about its own middle a geom is turned as it is: its mass, its extents and its inertia stay
     for shape, row, start, middle in plan.turns:
         c, s = np.cos(values[:, row] - start), np.sin(values[:, row] - start)

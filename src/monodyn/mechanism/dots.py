@@ -111,7 +111,7 @@ def chosen_bodies(mechanism: Mechanism, bodies: str) -> str:
 
 def _is_dot(geom: Geom, link: Link) -> bool:
     """Return whether a geom is round in the plane and apart from its hinge, or about it and still."""
-    # nothing else is round, and a film asks for each picture
+    # nothing else is round, and to find its extents takes a while: this is asked for every picture of a film
     shape = profile(geom) if geom.kind in RODS else None
     if shape is None or shape.long is not None:
         return False

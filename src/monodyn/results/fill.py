@@ -115,8 +115,8 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0, error_bound: float = E
         The motion at ``times``.
 
     Raises:
-        SettingsError: The times do not increase or are too far from the record, there is no such record, or
-            nothing was identified.
+        SettingsError: The times do not increase or are too far from the record, there is no such record,
+            nothing was identified, or the error is none.
     """
     times = frozen("fill: times", times, (None,), error=SettingsError)
     times = increasing("fill: times", times, error=SettingsError)
@@ -124,6 +124,10 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0, error_bound: float = E
         raise SettingsError(f"fill: expected an identified mechanism, got a fit without one: {fit.status}")
     if not 0 <= record < len(fit.starts):
         raise SettingsError(f"fill: expected a record from 0 to {len(fit.starts) - 1}, got {record}.")
+    if not 0.0 < error_bound < np.inf:
+        raise SettingsError(
+            f"fill: expected an error bound above 0 and finite [rad or m], got {error_bound:g}; give another."
+        )
     start, stamps = fit.starts[record], fit.time[record]
     farthest = MOST_ROWS * spacing(stamps)
     if len(times) and max(start.time - times[0], times[-1] - start.time) > farthest:

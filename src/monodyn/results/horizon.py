@@ -17,8 +17,10 @@ from monodyn.results.trace import Trace
 
 FARTHEST = 60.0
 """How long after the fitted frames is looked at most [s]."""
+ALL_OF_IT = 1.5
+"""Where this much farther is beyond all that is looked at, the rest is looked at as well."""
 EXACT = 1e-3
-"""Share of a tolerance up to which a motion is integrated wrongly."""
+"""Largest integration error that is aimed at, as a share of the tolerance."""
 
 
 class Horizon(NamedTuple):
@@ -60,7 +62,7 @@ def horizon(fit: Fit, tolerance: Tolerance | None = None, *, record: int = 0) ->
     # of a chaotic motion the band grows beyond all numbers: it is followed no farther than it has to be
     while True:
         length = max(2.0 * length, 1.0)
-        length = length if 1.5 * length < FARTHEST else FARTHEST
+        length = length if ALL_OF_IT * length < FARTHEST else FARTHEST
         ahead = step * np.arange(1, max(round(length / step), 1) + 1)
         off = ~(BAND * fill(fit, end + ahead, record=record, error_bound=error_bound).std <= most)
         if off.any():

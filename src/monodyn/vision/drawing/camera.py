@@ -72,8 +72,7 @@ def rotation(camera: Camera) -> np.ndarray:
     cr, sr = math.cos(camera.roll), math.sin(camera.roll)
     cp, sp = math.cos(camera.pitch), math.sin(camera.pitch)
     cy, sy = math.cos(camera.yaw), math.sin(camera.yaw)
-    # the product of the turns by roll, pitch and yaw, y turned down and z away from the camera: for a level
-    # camera those two alone
+    # roll, pitch and yaw one after the other, of axes of which y points down and z away from the camera
     return np.array(
         [
             [cr * cy - sr * sp * sy, sr * cp, cr * sy + sr * sp * cy],

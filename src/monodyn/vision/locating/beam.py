@@ -1,7 +1,8 @@
 """The poses that best explain one mask: a beam search, link by link.
 
 Each round sets one more joint of every pose kept so far. Geoms come in the order of their links, so the geoms
-of the links that are set are the first ones, and a partial pose is scored by these alone (paper eq. 3).
+of the links that are set are the first ones, and a partial pose is scored by these alone (paper eq. 3). A
+round is one numba kernel.
 """
 
 from __future__ import annotations
@@ -65,7 +66,8 @@ def _extended(
     balance: np.ndarray, rig: Rig, poses: np.ndarray, link: int, values: np.ndarray, circular: bool,
     kept: int, lower: np.ndarray, upper: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Set one more joint of partial poses, (pose, dof), to each of some values, and keep the best ones."""
+    """Set one more joint of partial poses, (pose, dof), to each of some values [rad or m], (candidate,), and
+    return the ``kept`` best ones as ``extended`` does; ``lower`` and ``upper`` are (dof,)."""
     count, dofs = values.size, poses.shape[1]
     grid = np.empty((len(poses) * count, dofs))
     for i in range(len(grid)):
@@ -94,8 +96,8 @@ def _extended(
 def _moved(
     rig: Rig, link: int, poses: np.ndarray, step: float, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
-    """Move the last joint of some poses, and the one that it hangs on, by a step to either side, (pose, part,
-    dof); the first part is the pose itself.
+    """Move the last joint of some poses, (pose, dof), and the one that it hangs on, by a step to either side
+    [rad or m]; return (pose, part, dof), the first part being the pose itself.
 
     A link that lies beside its place by half a step of the one before explains less of the mask than a wrong
     one: structures would be told apart by where the steps fall.

@@ -127,14 +127,14 @@ class SceneVariables:
         return mechanism.at_rows(rows, values[0])
 
     def values_at(self, x: np.ndarray, mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray]:
-        """Return what concerns a mechanism, for many vectors at once.
+        """Return what concerns a mechanism, at many steps of the variables.
 
         Args:
-            x: The variables, (vector, param).
+            x: The variables, (step, param).
             mechanism: The mechanism.
 
         Returns:
-            Rows of its table of parameters, int64 (row,), and the values there, (vector, row).
+            Rows of its table of parameters, int64 (row,), and the values there, (step, row).
         """
         of_all, before = self._values(x), mechanism.plan_numbers
         values = of_all.copy()
