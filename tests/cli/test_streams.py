@@ -370,7 +370,7 @@ def test_ctrl_c_in_a_text_that_is_run_ends_with_the_exit_code(tmp_path: Path) ->
     """As in the making of dataclasses, of which an import makes many."""
     (tmp_path / "started.py").write_text(
         "import monodyn.cli.options, monodyn.names, monodyn.typed\nfrom monodyn import cli\n"
-        "def stopped(words): exec('raise KeyboardInterrupt')\n"
+        "def stopped(words, own): exec('raise KeyboardInterrupt')\n"
         "cli._dispatch = stopped\nraise SystemExit(cli.main())",
         encoding="utf-8",
     )
@@ -485,7 +485,7 @@ def test_where_no_disk_takes_the_traceback_the_terminal_has_it(
 def test_only_what_the_system_says_of_a_file_or_of_its_limits_is_foreseen(
     error: OSError, code: int, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def failing(*_: object) -> int:
+    def failing(*_: object, **__: object) -> int:
         raise error
 
     monkeypatch.setattr("monodyn.cli._dispatch", failing)
