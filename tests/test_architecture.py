@@ -24,7 +24,7 @@ PAPER_USERS = ("paper", "settings", "stages", "reproduce")
 
 KERNELS = tuple(
     f"mechanism/{name}"
-    for name in ("planar", "tangents", "slopes", "brakes", "branches", "ahead", "reversals")
+    for name in ("planar", "tangents", "variational", "slopes", "brakes", "branches", "ahead", "reversals")
 )
 """What stands behind the one door to motion."""
 

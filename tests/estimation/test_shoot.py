@@ -11,6 +11,7 @@ from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.shoot import Route, fit_pieces
+from monodyn.mechanism import variational
 from monodyn.optimize import SearchSettings
 from monodyn.stages import identify
 from support import slow
@@ -67,3 +68,16 @@ def test_rates_of_a_motion_are_the_slopes_of_its_positions(poses, truth):
     slopes = np.gradient(states[:, :2], times, axis=0, edge_order=2)
     # central differences are off by h^2 / 6 times the third derivative, up to 2000 rad/s^3
     np.testing.assert_allclose(states[1:-1, 2:], slopes[1:-1], atol=5e-4)
+
+
+def test_a_search_ends_where_the_exact_derivatives_lead(poses, double, monkeypatch):
+    """The search takes the derivatives of the motion, which are not those of the very rollout."""
+    fits = [identify(poses, double)]
+    monkeypatch.setattr(variational, "derivatives", lambda *_: None)
+    fits.append(identify(poses, double))
+    ours, exact = ({p.name: p for p in fit.parameters if p.free} for fit in fits)
+    assert ours.keys() == exact.keys()
+    assert any(p.value != exact[name].value for name, p in ours.items())
+    for name, p in ours.items():
+        assert abs(p.value - exact[name].value) < 0.02 * exact[name].std, name
+        assert p.std == pytest.approx(exact[name].std, rel=0.01), name

@@ -430,4 +430,5 @@ def _whole(model: Arrow) -> np.ndarray:
 
 def _trial(window: Window, x: np.ndarray, state: np.ndarray) -> Trial:
     pieces = Pieces(np.array([0, len(window.times)]), np.array([0]))
-    return Trial(np.asarray(x, dtype=float), np.asarray(state, dtype=float)[None], pieces, window.substeps)
+    states = np.asarray(state, dtype=float)[None]
+    return Trial(np.asarray(x, dtype=float), states, pieces, window.substeps, exact=False)

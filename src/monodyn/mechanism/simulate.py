@@ -3,9 +3,9 @@
 Nothing outside of this room calls the kernels behind it, so that another engine can take its place. Such an
 engine has to provide what the functions below state: accelerations by joint, energy, a rollout over
 given time stamps with a given number of steps between them, and the exact derivatives of that very rollout.
-Arrays are checked and made contiguous here, because the kernels do not check them. A rollout takes
-equal Runge-Kutta steps between time stamps, divided where dry friction changes its sign; `simulate` chooses
-their number from a stated error bound.
+Arrays are checked and made contiguous here, because the kernels do not check them. A rollout takes equal
+Runge-Kutta steps between time stamps, divided where dry friction changes its sign; `simulate` chooses their
+number from a stated error bound.
 """
 
 from __future__ import annotations
@@ -305,8 +305,9 @@ def rollouts_derivatives(
     *,
     substeps: int,
     drive: Drive | None = None,
+    exact: bool = True,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Integrate as ``rollouts`` does, together with the exact derivatives along directions.
+    """Integrate as ``rollouts`` does, together with the derivatives along directions.
 
     Args:
         tree: The joint tree.
@@ -316,6 +317,7 @@ def rollouts_derivatives(
         states: Joint positions, then rates at the first frame of each run, (piece, 2 dof).
         substeps: Equal steps between two stamps.
         drive: Torques over time in addition to friction and springs, or None.
+        exact: The derivatives are those of this very rollout; else they may be those ``variational`` has.
 
     Returns:
         Positions and rates, each (frame, dof), and their derivatives, each (frame, dof, param + 2 dof): by
@@ -324,20 +326,26 @@ def rollouts_derivatives(
     Raises:
         MechanismError: From ``_agree``: an array is not of the tree's joints.
     """
-    from monodyn.mechanism import tangents
-
     drive = drive or UNDRIVEN(len(tree.parent))
     _agree(tree, states[:, ::2], drive.table.T, directions.entry.T)
     f8, i8 = np.float64, np.int64
-    times, first = plain(times, f8), plain(first, i8)
+    times, first, states = plain(times, f8), plain(first, i8), plain(states, f8)
+    if not exact:
+        from monodyn.mechanism import variational
+
+        found = variational.derivatives(tree, directions, times, first, substeps, states, drive)
+        if found is not None:
+            return found
+    from monodyn.mechanism import tangents
+
     order, live = _carried(tree, directions, times, first, drive)
     lagging = np.zeros(drive.table.shape) if drive.lagging is None else drive.lagging
     # known torques have a table, but no entry of it is a parameter
     entry = directions.entry if directions.entry.size else np.full(drive.table.shape, -1)
     return tangents.rollout_tangents(
         tree.parent, tree.kind, tree.links, plain(directions.links, f8), tree.gravity,
-        plain(directions.gravity, f8), times, first, int(substeps), plain(states, f8), drive.mode,
-        drive.times, drive.table, plain(lagging, f8), plain(entry, i8), plain(directions.load, f8),
+        plain(directions.gravity, f8), times, first, int(substeps), states, drive.mode, drive.times,
+        drive.table, plain(lagging, f8), plain(entry, i8), plain(directions.load, f8),
         plain(directions.clock, f8), plain(directions.lag, f8), order, live,
     )  # fmt: skip
 

@@ -310,6 +310,29 @@ def by_gravity(dgravity, d, da, live):  # pragma: no cover - compiled
             da[i, k] += d[i, IX] * dgravity[0, k] + d[i, IY] * dgravity[1, k]
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def linearize(
+    parent, kind, links, gravity, dgravity, at, what, q, v, a, w, h, d, by_q, by_v, da
+):  # pragma: no cover - compiled
+    """Write the derivatives of the accelerations ``a`` by parameters, positions and rates into the first
+    columns of ``da``, (dof, param + 2 dof).
+
+    ``w`` and ``h`` are as ``forward`` leaves them, ``dgravity`` is (2, param), ``at`` and ``what`` are those
+    of ``touched``.
+    """
+    n, params = parent.size, dgravity.shape[1]
+    outward(parent, kind, links, gravity, v, a, w, d)
+    by_state(parent, kind, links, v, a, w, d, by_q, by_v)
+    da[:, :params] = 0.0
+    by_links(parent, kind, links, gravity, at, what, len(at), q, v, a, w, d, da)
+    by_gravity(dgravity, d, da, params)
+    for i in range(n):
+        for j in range(n):
+            da[i, params + j] = -by_q[i, j]
+            da[i, params + n + j] = -by_v[i, j]
+    solve_all(parent, h, da, params + 2 * n)
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def acceleration_tangents(
     parent, kind, links, dlinks, gravity, dgravity, q, v, tau
@@ -327,13 +350,10 @@ def acceleration_tangents(
     for f in range(rows):
         # the factors of M stay in h
         forward(parent, kind, links, gravity, q[f], v[f], tau[f], hold, w, h, a[f])
-        outward(parent, kind, links, gravity, v[f], a[f], w, d)
-        by_state(parent, kind, links, v[f], a[f], w, d, by_q, by_v)
-        by_links(parent, kind, links, gravity, at, what, len(at), q[f], v[f], a[f], w, d, da[f])
-        by_gravity(dgravity, d, da[f], params)
-        da[f, :, params : params + n] = -by_q
-        da[f, :, params + n : params + 2 * n] = -by_v
+        linearize(
+            parent, kind, links, gravity, dgravity, at, what, q[f], v[f], a[f], w, h, d, by_q, by_v, da[f]
+        )  # fmt: skip
         for i in range(n):
             da[f, i, params + 2 * n + i] = 1.0
-        solve_all(parent, h, da[f], params + 3 * n)
+        solve_all(parent, h, da[f, :, params + 2 * n :], n)
     return a, da

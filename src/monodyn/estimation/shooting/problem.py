@@ -184,11 +184,11 @@ class Problem:
         Returns:
             Positions and rates, (row, dof), and their derivatives, (row, dof, param + 2 dof).
         """
-        known = trial.recalled("tangents", self._moving)
-        if known is not None:
-            return known
-        moved = self.tangents(self.instance(trial), trial.substeps, trial.runs)
-        return trial.remember("tangents", self._moving, moved)
+        moved = trial.recalled("tangents", self._moving)
+        if moved is None:
+            moved = self.tangents(self.instance(trial), trial.substeps, trial.runs, exact=trial.exact)
+            trial.remember("tangents", self._moving, moved)
+        return moved
 
     def instance(self, trial: Trial) -> Instance:
         """Return the mechanism at the unknowns of a trial, as ``at`` does; the trial keeps it.
@@ -208,7 +208,7 @@ class Problem:
         return self.mechanism, self.unknowns, self.data.times, self.data.by_roll, self.prior.weights
 
     def tangents(
-        self, instance: Instance, substeps: int, runs: Sequence[Run]
+        self, instance: Instance, substeps: int, runs: Sequence[Run], *, exact: bool = True
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Simulate runs of rows with their derivatives.
 
@@ -216,13 +216,14 @@ class Problem:
             instance: The mechanism.
             substeps: Integration steps between two time stamps.
             runs: First row, one past the last row and start state (2 dof,) of each.
+            exact: As ``simulate`` has it.
 
         Returns:
             Positions and rates of all runs end to end, in metres and true time, each (row, dof), and their
             derivatives, each (row, dof, param + 2 dof): by coordinate, then by the start state of the run.
         """
         dofs, params = self.data.position.shape[1], len(instance.dsize)
-        moving = partial(rollouts_derivatives, instance.tree, instance.slowed)
+        moving = partial(rollouts_derivatives, instance.tree, instance.slowed, exact=exact)
         q, v, dq, dv = self._together(moving, instance.drive, instance.lag, instance.stretch, runs, substeps)
         if instance.dstretch.any():
             # start rates are by true time: a slower clock is like larger ones, at the same stamps
@@ -281,14 +282,13 @@ class Problem:
         Returns:
             Positions, slides in metres of the identified scale [rad or m], (row, dof).
         """
-        with_tangents = trial.recalled("tangents", self._moving)
-        if with_tangents is not None:
+        if (with_tangents := trial.recalled("tangents", self._moving)) is not None:
             return with_tangents[0]
         motion = trial.recalled("motion", self._moving)
-        if motion is not None:
-            return motion
-        motion = self.moving(trial.x)(trial.runs, trial.substeps)[:, : self.data.position.shape[1]]
-        return trial.remember("motion", self._moving, motion)
+        if motion is None:
+            motion = self.moving(trial.x)(trial.runs, trial.substeps)[:, : self.data.position.shape[1]]
+            trial.remember("motion", self._moving, motion)
+        return motion
 
     def differences(self, trial: Trial) -> np.ndarray:
         """Compare the measured with the simulated positions.

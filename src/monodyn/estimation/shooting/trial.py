@@ -30,6 +30,7 @@ class Trial:
         states: Start states, positions then rates [rad or m, rad/s or m/s], one row a piece, (piece, 2 dof).
         pieces: How the records are cut.
         substeps: Integration steps between two time stamps.
+        exact: Its derivatives are those of the very rollout; else of the motion, as ``simulate`` has both.
         known: Its motions, as far as they have been integrated; see `recalled`.
     """
 
@@ -37,6 +38,7 @@ class Trial:
     states: np.ndarray
     pieces: Pieces
     substeps: int = 1
+    exact: bool = True
     known: dict[str, tuple[tuple[object, ...], Any]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )

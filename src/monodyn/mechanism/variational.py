@@ -1,0 +1,215 @@
+"""Derivatives of motions without torques over time or dry friction, by the variational equation.
+
+A change d of the state obeys d'' = A_q d + A_v d' + b along the motion, with A the derivatives of the
+accelerations by the state and b those by a parameter, which ``slopes`` has. It is integrated in steps of two
+steps of the motion each, by the polynomial of order four that obeys it at the start, the middle and the end.
+Steps of the motion begin there, so that one linearization a step is enough where the derivatives of the very
+rollout (``tangents``) need four; and the equation is linear, so that the step, though implicit, takes one
+small system. These are the derivatives of the motion itself, a few times less exact than its integration.
+
+How exact shows in the motion: its rates and accelerations are such a change d, that of a start a little
+later, so that the derivatives by the start have to carry them along.
+
+Names: as in ``tangents``; ``by`` is b, A_q and A_v where a step begins, (dof, param + 2 dof).
+
+Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), I.14
+(variational equation), and II (1996), IV.5 (Lobatto IIIA).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from monodyn.arrays import plain
+from monodyn.mechanism.drive import NONE, Drive
+from monodyn.mechanism.planar import WORK, forward
+from monodyn.mechanism.slopes import SLOPE, linearize, touched
+from monodyn.mechanism.tree import FRICTION, Directions, Tree
+from monodyn.solving import eliminate
+
+MOST_OFF = 0.1
+"""Largest typical difference between the rates of a motion and those that its derivatives by the start carry
+along, as a share of the typical rate: what is estimated has the same standard deviations within a percent."""
+
+
+def derivatives(
+    tree: Tree, directions: Directions, times: np.ndarray, first: np.ndarray, substeps: int,
+    states: np.ndarray, drive: Drive,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:  # fmt: skip
+    """Integrate motions with their derivatives where these are exact enough.
+
+    Args:
+        tree: The joint tree.
+        directions: What each parameter changes in the tree.
+        times: Time stamps of all runs end to end [s], (frame,).
+        first: First frame of each run and one past the last, int64 (piece + 1,).
+        substeps: Equal steps between two stamps.
+        states: Joint positions, then rates at the first frame of each run, (piece, 2 dof).
+        drive: Torques over time in addition to friction and springs.
+
+    Returns:
+        Positions and rates, each (frame, dof), the same as of ``simulate.rollouts``, and their derivatives,
+        each (frame, dof, param + 2 dof); None where something acts that is not smooth over time, for an odd
+        number of steps, and where derivatives come out less exact than ``MOST_OFF``.
+    """
+    dry = tree.links[:, FRICTION].any() or directions.links[:, FRICTION].any()
+    if drive.mode != NONE or dry or substeps % 2:
+        return None
+    acting = np.flatnonzero(directions.acting)
+    links, gravity = plain(directions.links[:, :, acting], float), plain(directions.gravity[:, acting], float)
+    q, v, dq, dv, off = variations(
+        tree.parent, tree.kind, tree.links, links, tree.gravity, gravity, times, first, int(substeps), states
+    )
+    if not off <= MOST_OFF:
+        return None
+    params, starts = len(directions.acting), states.shape[1]
+    if len(acting) < params:
+        columns = np.concatenate((acting, params + np.arange(starts)))
+        every = np.zeros((2, *q.shape, params + starts))
+        every[0][:, :, columns], every[1][:, :, columns] = dq, dv
+        dq, dv = every
+    return q, v, dq, dv
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _carry(length, by, dx, du, middle, late, matrix, right):  # pragma: no cover - compiled
+    """Carry tangents ``dx`` and ``du`` (dof, direction) over two steps, of ``length`` together.
+
+    ``by`` is (3, dof, param + 2 dof); ``middle`` (2 dof, direction), ``late`` (dof, direction), ``matrix``
+    (2 dof, 2 dof) and ``right`` (2 dof, direction) are scratch. With x and u at the start 0, in the middle 1
+    and at the end 2, and a = A_q x + A_v u + b:
+
+        x2 = x0 + h/2 (u0 + u2) + h^2/12 (a0 - a2)        x1 = (x0 + x2)/2 + h/8 (u0 - u2)
+        u2 = u0 + h/6 (a0 + 4 a1 + a2)                    u1 = (u0 + u2)/2 + h/8 (a0 - a2)
+
+    What of this the start determines is the right side of a system for x2 and u2.
+    """
+    n, live = dx.shape
+    params, h = live - 2 * n, length
+    by0, by1, by2 = by[0], by[1], by[2]
+    for i in range(n):
+        for j in range(n):
+            q1, v1 = by1[i, params + j], by1[i, params + n + j]
+            q2, v2 = by2[i, params + j], by2[i, params + n + j]
+            to_q, to_v = 0.0, 0.0
+            for k in range(n):
+                to_q += by1[i, params + n + k] * by2[k, params + j]
+                to_v += by1[i, params + n + k] * by2[k, params + n + j]
+            same = 1.0 if i == j else 0.0
+            matrix[i, j] = same + h * h / 12.0 * q2
+            matrix[i, n + j] = h * h / 12.0 * v2 - 0.5 * h * same
+            matrix[n + i, j] = h * h / 12.0 * to_q - h / 6.0 * q2 - h / 3.0 * q1
+            matrix[n + i, n + j] = same + h * h / 12.0 * (to_v + q1) - h / 6.0 * v2 - h / 3.0 * v1
+    # a0, then a0 - b2
+    _accelerate(by0, dx, du, late)
+    for i in range(n):
+        for k in range(live):
+            b2 = by2[i, k] if k < params else 0.0
+            right[n + i, k] = du[i, k] + h / 6.0 * (late[i, k] + b2)
+            late[i, k] -= b2
+            right[i, k] = dx[i, k] + 0.5 * h * du[i, k] + h * h / 12.0 * late[i, k]
+            middle[i, k] = 0.5 * dx[i, k] + 0.125 * h * du[i, k]
+            middle[n + i, k] = 0.5 * du[i, k] + 0.125 * h * late[i, k]
+    _accelerate(by1, middle[:n], middle[n:], late)
+    for i in range(n):
+        for k in range(live):
+            right[n + i, k] += 2.0 * h / 3.0 * late[i, k]
+    if not eliminate(matrix, right):
+        right[:] = np.nan
+    dx[:], du[:] = right[:n], right[n:]
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _accelerate(by, dx, du, da):  # pragma: no cover - compiled
+    """Write the changes of the accelerations, A_q dx + A_v du + b, into ``da`` (dof, direction)."""
+    n, live = dx.shape
+    params = live - 2 * n
+    for i in range(n):
+        for k in range(live):
+            da[i, k] = by[i, k] if k < params else 0.0
+        for j in range(n):
+            to_q, to_v = by[i, params + j], by[i, params + n + j]
+            for k in range(live):
+                da[i, k] += to_q * dx[j, k] + to_v * du[j, k]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def variations(
+    parent, kind, links, dlinks, gravity, dgravity, times, first, substeps, states
+):  # pragma: no cover - compiled
+    """Integrate motion and tangents of runs; return positions, rates, the derivatives of both, and how far
+    off these are.
+
+    ``dlinks`` (dof, column, param) and ``dgravity`` (2, param) are the derivatives of ``links`` and
+    ``gravity``, ``substeps`` is even; all else is as in ``tangents.rollout_tangents``, the directions in
+    their order. How far off is the typical difference of rates and of what the derivatives by the start make
+    of the rates and accelerations there, as a share of the typical rate of the run, the largest of all runs;
+    infinite where nothing moves.
+    """
+    n, frames, params = parent.size, times.size, dlinks.shape[2]
+    live = params + 2 * n
+    q, v = np.empty((frames, n)), np.empty((frames, n))
+    dq, dv = np.empty((frames, n, live)), np.empty((frames, n, live))
+    w, h, d = np.empty((n, WORK)), np.empty((n, n)), np.empty((n, SLOPE))
+    by_q, by_v, by = np.zeros((n, n)), np.zeros((n, n)), np.zeros((3, n, live))
+    tau, hold = np.zeros(n), np.zeros(n)
+    x0, u0, x, u, a = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    rates, changes, pull = np.empty(n), np.empty(n), np.empty(n)
+    dx, du, late = np.empty((n, live)), np.empty((n, live)), np.empty((n, live))
+    middle, right, matrix = np.empty((2 * n, live)), np.empty((2 * n, live)), np.empty((2 * n, 2 * n))
+    at, what = touched(dlinks, params)
+    off = 0.0
+    for run in range(first.size - 1):
+        begin, end = first[run], first[run + 1]
+        if begin == end:
+            continue
+        x0[:], u0[:] = states[run, :n], states[run, n:]
+        dx[:], du[:] = 0.0, 0.0
+        for i in range(n):
+            dx[i, params + i], du[i, params + n + i] = 1.0, 1.0
+        q[begin], v[begin], dq[begin], dv[begin] = x0, u0, dx, du
+        if begin + 1 == end:
+            continue
+        forward(parent, kind, links, gravity, x0, u0, tau, hold, w, h, a)
+        linearize(parent, kind, links, gravity, dgravity, at, what, x0, u0, a, w, h, d, by_q, by_v, by[0])
+        pull[:] = a
+        gaps, speeds = 0.0, 0.0
+        for f in range(begin + 1, end):
+            step = (times[f] - times[f - 1]) / substeps
+            for s in range(substeps):
+                # the first stage has been worked out where the step before ended
+                x[:], u[:], rates[:], changes[:] = x0, u0, u0, a
+                for r in range(1, 4):
+                    part = step if r == 3 else 0.5 * step
+                    weight = 1.0 if r == 3 else 2.0
+                    for i in range(n):
+                        x[i] = x0[i] + part * u[i]
+                        u[i] = u0[i] + part * a[i]
+                    forward(parent, kind, links, gravity, x, u, tau, hold, w, h, a)
+                    for i in range(n):
+                        rates[i] += weight * u[i]
+                        changes[i] += weight * a[i]
+                for i in range(n):
+                    x0[i] += step / 6.0 * rates[i]
+                    u0[i] += step / 6.0 * changes[i]
+                forward(parent, kind, links, gravity, x0, u0, tau, hold, w, h, a)
+                to = by[1 + s % 2]
+                linearize(
+                    parent, kind, links, gravity, dgravity, at, what, x0, u0, a, w, h, d, by_q, by_v, to
+                )
+                if s % 2:
+                    _carry(2.0 * step, by, dx, du, middle, late, matrix, right)
+                    by[0] = by[2]
+            q[f], v[f], dq[f], dv[f] = x0, u0, dx, du
+            for i in range(n):
+                carried = 0.0
+                for j in range(n):
+                    carried += dx[i, params + j] * v[begin, j] + dx[i, params + n + j] * pull[j]
+                gaps += (carried - u0[i]) ** 2
+                speeds += u0[i] ** 2
+        # of a motion that grows beyond all bounds no derivatives are any better
+        if np.isfinite(speeds):
+            share = np.sqrt(gaps / speeds)
+            off = max(off, share) if np.isfinite(share) else np.inf
+    return q, v, dq, dv, off

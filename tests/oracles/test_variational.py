@@ -1,0 +1,190 @@
+"""Derivatives by the variational equation, against complex steps through rollouts in finer steps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from zoo import ZOO
+
+from monodyn.mechanism import load, variational
+from monodyn.mechanism.drive import FOURIER, Drive
+from monodyn.mechanism.model import Mechanism
+from monodyn.mechanism.simulate import rollout, rollouts, rollouts_derivatives
+from monodyn.mechanism.tree import AIR, DAMPING, DRAG, FRICTION, STIFFNESS, Directions, Tree
+
+TINY = 1e-30
+TIMES = np.linspace(0.0, 0.3, 10)
+
+
+def resisted(name: str, tmp_path: Path, *columns: int) -> tuple[Tree, Directions]:
+    """Return a tree of the zoo with what acts at every joint, and what its free parameters change."""
+    path = tmp_path / "mechanism.xml"
+    path.write_text(ZOO[name])
+    mechanism = load(path)
+    links, rng = mechanism.tree.links.copy(), np.random.default_rng(5)
+    links[:, FRICTION] = 0.0
+    for column in columns:
+        links[:, column] = rng.uniform(1e-4, 1e-3, len(links))
+    directions = mechanism.directions([p.name for p in mechanism.parameters if p.free and not p.follows])
+    changes = directions.links.copy()
+    changes[:, FRICTION] = 0.0
+    return replace(mechanism.tree, links=links), replace(directions, links=changes)
+
+
+def stepped(tree: Tree, directions: Directions, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the derivatives of positions and rates, by complex steps through 64 steps between two stamps."""
+    params, dofs = directions.links.shape[2], len(tree.parent)
+    columns = []
+    for k in range(params + 2 * dofs):
+        start = state.astype(complex)
+        moved = replace(tree, links=tree.links + 0j)
+        if k < params:
+            moved = tree.along(directions, k, 1j * TINY)
+        else:
+            start[k - params] += 1j * TINY
+        columns.append(rollout(moved, TIMES, *np.split(start, 2), substeps=64))
+    return tuple(np.stack([one[i].imag / TINY for one in columns], axis=2) for i in range(2))
+
+
+def off(found: np.ndarray, exact: np.ndarray) -> float:
+    """Return the largest difference as a share of the largest derivative by the same parameter."""
+    size = np.abs(exact).max(axis=(0, 1))
+    gap = np.abs(found - exact).max(axis=(0, 1))
+    # what changes nothing does so to rounding
+    assert np.all(gap[size < 1e-12 * size.max()] < 1e-12 * size.max())
+    kept = size >= 1e-12 * size.max()
+    return float((gap[kept] / size[kept]).max())
+
+
+@pytest.mark.parametrize("name", ZOO)
+def test_they_are_of_order_four(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(variational, "MOST_OFF", np.inf)
+    tree, directions = resisted(name, tmp_path, DAMPING, STIFFNESS)
+    state = np.random.default_rng(6).uniform(-1.0, 1.0, 2 * len(tree.parent))
+    exact = stepped(tree, directions, state)
+    whole = np.array([0, len(TIMES)])
+    errors = []
+    for substeps in (4, 8):
+        q, v, *found = rollouts_derivatives(
+            tree, directions, TIMES, whole, state[None], substeps=substeps, exact=False
+        )
+        motion = rollouts(tree, TIMES, whole, state[None], substeps=substeps)
+        np.testing.assert_array_equal(q, motion[0])
+        np.testing.assert_array_equal(v, motion[1])
+        errors.append([off(ours, theirs) for ours, theirs in zip(found, exact, strict=True)])
+    # half the step leaves a sixteenth
+    assert np.max(errors[0]) < 5e-3
+    for rough, fine in zip(*errors, strict=True):
+        assert fine < rough / 12.0
+
+
+@pytest.mark.parametrize("name", ["double", "cart_branches", "tree"])
+def test_what_brakes_by_the_square_of_the_rate(name: str, tmp_path: Path) -> None:
+    tree, directions = resisted(name, tmp_path, DAMPING, STIFFNESS, DRAG, AIR)
+    state, whole = (
+        np.random.default_rng(8).uniform(-1.0, 1.0, 2 * len(tree.parent)),
+        np.array([0, len(TIMES)]),
+    )
+    theirs = stepped(tree, directions, state)[0]
+    *_, ours, _ = rollouts_derivatives(tree, directions, TIMES, whole, state[None], substeps=16, exact=False)
+    *_, very, _ = rollouts_derivatives(tree, directions, TIMES, whole, state[None], substeps=16)
+    assert not np.array_equal(ours, very)
+    assert off(ours, theirs) < 2e-3
+
+
+def test_runs_of_many_lengths_and_parameters_that_change_nothing() -> None:
+    triple = load("triple")
+    directions = triple.directions(["link1.length", "link3.thickness", "joint2.damping", "gravity"])
+    links = np.insert(directions.links, 2, 0.0, axis=2)
+    gravity = np.insert(directions.gravity, 2, 0.0, axis=1)
+    directions = Directions(links, gravity, directions.entry, *np.zeros((3, 5)))
+    first, rng = np.array([0, 1, 3, 3, 12, 20]), np.random.default_rng(3)
+    times, states = np.sort(rng.uniform(0.0, 1.0, 20)), rng.normal(scale=0.3, size=(5, 6))
+    together = rollouts_derivatives(triple.tree, directions, times, first, states, substeps=64, exact=False)
+    exact = rollouts_derivatives(triple.tree, directions, times, first, states, substeps=64)
+    for ours, theirs in zip(together[2:], exact[2:], strict=True):
+        assert not np.array_equal(ours, theirs)
+        assert not ours[:, :, 2].any()
+        assert off(ours, theirs) < 1e-3
+    for k in (1, 3, 4):
+        rows = slice(first[k], first[k + 1])
+        alone = rollouts_derivatives(
+            triple.tree, directions, times[rows], np.array([0, first[k + 1] - first[k]]), states[[k]],
+            substeps=64, exact=False,
+        )  # fmt: skip
+        for whole, part in zip(together, alone, strict=True):
+            np.testing.assert_array_equal(whole[rows], part)
+
+
+def dry(mechanism: Mechanism) -> tuple[Tree, dict]:
+    """Return a tree with dry friction."""
+    links = mechanism.tree.links.copy()
+    links[0, FRICTION] = 1e-3
+    return replace(mechanism.tree, links=links), {}
+
+
+def driven(mechanism: Mechanism) -> tuple[Tree, dict]:
+    """Return a tree with a torque over time."""
+    return mechanism.tree, {"drive": Drive(FOURIER, np.array([0.5]), np.full((2, 3), 0.01))}
+
+
+@pytest.mark.parametrize(
+    ("acting", "substeps", "scale"),
+    [(dry, 8, 1.0), (driven, 8, 1.0), (lambda one: (one.tree, {}), 3, 1.0),
+     (lambda one: (one.tree, {}), 2, 100.0), (lambda one: (one.tree, {}), 8, 0.0)],
+    ids=["dry friction", "a torque over time", "an odd number of steps", "steps too long", "at rest"],
+)  # fmt: skip
+def test_where_they_would_not_do_the_exact_ones_come(acting, substeps: int, scale: float) -> None:
+    double = load("double")
+    tree, more = acting(double)
+    directions = double.directions(["link1.length", "joint1.damping"])
+    if more:
+        directions = replace(directions, entry=np.full((2, 3), -1))
+    state = scale * np.array([[0.7, 0.4, 0.2, 0.5]])
+    if scale == 0.0:
+        state = np.array([[-np.pi / 2, 0.0, 0.0, 0.0]])
+        tree = replace(tree, gravity=np.zeros(2))
+    ways = [
+        rollouts_derivatives(
+            tree, directions, TIMES, np.array([0, 10]), state, substeps=substeps, exact=exact, **more
+        )
+        for exact in (False, True)
+    ]
+    for ours, theirs in zip(*ways, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("scale", [1.0, 6.0, 12.0])
+def test_how_far_off_they_are_is_seen_in_the_rates(scale: float) -> None:
+    double = load("double")
+    directions = double.directions(["link1.length", "link2.thickness", "joint1.damping"])
+    state, whole = scale * np.array([[0.3, 0.2, 0.4, 1.0]]), np.array([0, len(TIMES)])
+    exact = rollouts_derivatives(double.tree, directions, TIMES, whole, state, substeps=64)
+    for substeps in (2, 4, 8):
+        *found, seen = variational.variations(
+            double.tree.parent, double.tree.kind, double.tree.links, directions.links, double.tree.gravity,
+            directions.gravity, TIMES, whole, substeps, state,
+        )  # fmt: skip
+        error = off(found[2], exact[2])
+        assert seen < 3.0 * error
+        assert error < 3.0 * seen + 2e-3
+
+
+def test_stiff_damping_does_not_make_them_grow() -> None:
+    """Steps of the motion that just do for a joint's damping are twice too long for those of an explicit
+    method."""
+    single = load("single")
+    links = single.tree.links.copy()
+    own = links[0, 8] + links[0, 5] * (links[0, 6] ** 2 + links[0, 7] ** 2)
+    step = (TIMES[1] - TIMES[0]) / 4
+    links[0, DAMPING] = 2.0 * own / step
+    tree, directions = replace(single.tree, links=links), single.directions(["link1.length"])
+    whole, state = np.array([0, len(TIMES)]), np.array([[0.5, 1.0]])
+    *_, found, _ = rollouts_derivatives(tree, directions, TIMES, whole, state, substeps=4, exact=False)
+    *_, very, _ = rollouts_derivatives(tree, directions, TIMES, whole, state, substeps=4)
+    *_, exact, _ = rollouts_derivatives(tree, directions, TIMES, whole, state, substeps=64)
+    assert not np.array_equal(found, very)
+    assert np.abs(found - exact).max() < 0.1 * np.abs(exact).max()
