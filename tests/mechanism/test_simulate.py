@@ -14,7 +14,6 @@ from monodyn.mechanism.simulate import (
     Trajectory,
     accelerations,
     energy,
-    least_substeps,
     rollout,
     rollout_derivatives,
     rollouts,
@@ -22,6 +21,7 @@ from monodyn.mechanism.simulate import (
     simulate,
     transitions,
 )
+from monodyn.mechanism.substeps import least_substeps
 from monodyn.mechanism.tree import CREEP, HINGE, SLIDE
 from support import refuses
 
@@ -84,6 +84,34 @@ def test_runs_end_to_end_are_those_one_by_one() -> None:
 def test_a_bound_out_of_reach_ends_the_doubling() -> None:
     assert least_substeps(lambda steps: np.array([1.0 / steps]), 1e-9, 8) == (8, pytest.approx(0.125 / 15))
     assert least_substeps(lambda steps: np.array([np.nan]), 1e-3, 4) == (4, np.inf)
+
+
+@pytest.mark.parametrize(
+    ("error", "tried", "found"),
+    [
+        # of order four: what 8 steps leave follows from what 2 and 4 did
+        (lambda steps: steps**-4.0, [1, 2, 4, 8], 8),
+        # a slower fall is extrapolated as it is, down to a third of an order less
+        (lambda steps: steps**-3.0, [1, 2, 4, 8, 16], 16),
+        # one that is no order of a method is not: every number is tried
+        (lambda steps: steps**-2.5, [1, 2, 4, 8, 16, 32, 64], 32),
+        # nor what falls for once
+        (lambda steps: {1: 1.0, 2: 0.5, 4: 0.4, 8: 0.1, 16: 0.09, 32: 1e-9, 64: 0.0}[steps],
+         [1, 2, 4, 8, 16, 32, 64], 32),
+    ],
+)  # fmt: skip
+def test_the_last_doubling_is_known_before_it_is_tried(error, tried: list[int], found: int) -> None:
+    asked = []
+
+    def positions(steps: int) -> np.ndarray:
+        asked.append(steps)
+        return np.array([1.0 + error(steps)])
+
+    steps, off = least_substeps(positions, 2.6e-4, 4096)
+    assert (asked, steps) == (tried, found)
+    assert error(steps) <= 2.6e-4
+    assert error(steps // 2) > 2.6e-4
+    assert off == pytest.approx(error(steps), rel=0.2, abs=1e-8)
 
 
 @pytest.mark.parametrize("shape", [(), (1,), (3, 3)])

@@ -110,6 +110,21 @@ def test_a_bent_step_leaves_what_has_met_its_bound_there():
     assert found.at_bound[1]
 
 
+def test_no_bend_is_asked_for_where_the_last_one_tells_that_it_is_small():
+    lengths = []
+
+    def bend(model, shared, local, step, local_step):
+        lengths.append(float(np.linalg.norm(step)))
+        return valley_bend(model, shared, local, step, local_step)
+
+    box = (np.full(2, -9.0), np.full(2, 9.0))
+    found = minimize_arrow(valley_arrow, np.array([-1.5, 2.25]), np.zeros((0, 0)), box, bend=bend)
+    np.testing.assert_allclose(found.shared, 1.0, atol=1e-9)
+    # Gauss-Newton steps fall by themselves at the end; all but those were bent
+    assert found.evaluations - 6 <= len(lengths) < found.evaluations - 1
+    assert min(lengths) > 1e-6
+
+
 def test_a_block_that_nothing_determines_is_damped():
     """Without damping the block is singular: the step counts as rejected, and the next one is damped."""
 

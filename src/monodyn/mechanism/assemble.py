@@ -157,8 +157,10 @@ def tree_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> Tree:
         values: Parameter values, (param,).
         own: As in ``links_of``, (param,).
     """
-    gravity = np.array([0.0, -values[plan.index["gravity"]]])
-    return Tree(plan.parent, plan.kind, links_of(plan, values, own), gravity)
+    links, gravity = links_of(plan, values, own), np.array([0.0, -values[plan.index["gravity"]]])
+    # nobody else has them, so that the tree needs no copies
+    links.flags.writeable = gravity.flags.writeable = False
+    return Tree(plan.parent, plan.kind, links, gravity)
 
 
 def shapes_of(plan: Plan, values: np.ndarray) -> Shapes:

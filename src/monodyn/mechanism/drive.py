@@ -110,6 +110,8 @@ class Drive(Frozen):
             Values and rates [1/s], each (row, column).
         """
         values, rates = np.zeros((2, len(times), self.table.shape[1]))
+        if self.mode == NONE:
+            return values, rates
         # A time that is a knot counts as inside: the first and the last knot have a torque.
         middle = float(np.mean(self.times)) if len(self.times) else 0.0
         for row, time in enumerate(times):

@@ -10,7 +10,6 @@ number from a stated error bound.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -20,6 +19,7 @@ from monodyn.arrays import Frozen, frozen, increasing, plain
 from monodyn.errors import MechanismError
 from monodyn.mechanism.drive import KNOTS, UNDRIVEN, Drive
 from monodyn.mechanism.model import Mechanism
+from monodyn.mechanism.substeps import least_substeps
 from monodyn.mechanism.tree import Directions, Tree
 
 MOST_SUBSTEPS = 4096
@@ -87,39 +87,6 @@ def simulate(
         MOST_SUBSTEPS,
     )
     return Trajectory(times, *rollout(tree, times, q0, v0, substeps=steps, drive=drive))
-
-
-def least_substeps(
-    positions: Callable[[int], np.ndarray], tolerance: float, most: int, least: int = 1
-) -> tuple[int, float]:
-    """Double the integration steps until the motion stays within a bound of its error.
-
-    Args:
-        positions: Gives the motion [rad or m] that a number of steps between two time stamps integrates, an
-            array of the same shape for every number.
-        tolerance: Largest error of any position [rad or m].
-        most: Where to stop doubling; returned also if the bound is out of reach, as in long chaotic motion.
-        least: Where to begin: a power of two.
-
-    Returns:
-        Steps between two time stamps, the least power of two that keeps the bound; and the largest error with
-        them [rad or m], infinite where the motion is not finite or there is nothing to compare with.
-
-    Source:
-        Step doubling: halving the step of an order-4 method divides its error by 16, so the error of the
-        longer step is 16/15 of the difference of the two results, that of the shorter 1/15.
-    """
-    steps, change = least, np.inf
-    coarse = positions(least)
-    while steps < most:
-        # The finer motion of this round is the coarser one of the next: each number is integrated once.
-        fine = positions(2 * steps)
-        with np.errstate(invalid="ignore", over="ignore"):
-            change = float(np.max(np.abs(fine - coarse), initial=0.0))
-        if 16 / 15 * change <= tolerance:
-            return steps, 16 / 15 * change
-        steps, coarse = 2 * steps, fine
-    return steps, change / 15 if np.isfinite(change) else np.inf
 
 
 def accelerations(tree: Tree, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:

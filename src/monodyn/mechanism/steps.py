@@ -12,6 +12,7 @@ import numpy as np
 
 from monodyn.mechanism.drive import Drive
 from monodyn.mechanism.model import Mechanism
+from monodyn.mechanism.substeps import least_substeps
 
 ERROR_BOUND = 1e-6
 """Largest integration error that is aimed at [rad or m]."""
@@ -60,7 +61,7 @@ def steps_away(
     Returns:
         The steps.
     """
-    from monodyn.mechanism.simulate import least_substeps, rollout
+    from monodyn.mechanism.simulate import rollout
 
     drive, least = driven
     # a clip k times slower than life has time_scale 1/k: dynamics and drive run on the stretched clock

@@ -21,8 +21,9 @@ LEAST_DAMPING, MOST_DAMPING = 1e-15, 1e12
 a motion that doubles every error several times: damped more it would creep."""
 LEAST_GAIN = 1e-4
 """A step is taken when the cost falls by at least this share of what the model predicted."""
-MOST_BEND = 0.75
-"""Acceleration over a step, both as they move the residuals, above which it is not bent."""
+MOST_BEND, LEAST_BEND = 0.75, 0.02
+"""Acceleration over a step, both as they move the residuals, above which it is not bent, and below which that
+is not worth the evaluation: the acceleration goes with the square of the length, as the last one tells."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +170,7 @@ def _search(
         model = _nowhere(len(shared), local.shape, model.kept if model else None)
         at_bound = (shared <= lower) | (shared >= upper)
         return ArrowSolution(shared, local, model, NOT_EVALUABLE, False, 1, at_bound)
-    damping, scale = settings.damping, _diagonals(model)
+    damping, scale, curved = settings.damping, _diagonals(model), np.inf
     while evaluations < settings.evaluations:
         room = np.maximum(lower - shared, -reach), np.minimum(upper - shared, reach)
         with np.errstate(over="ignore", invalid="ignore"):  # a step that overflows is rejected below
@@ -180,8 +181,14 @@ def _search(
             status = REACHED if converged else STALLED
             break
         if bend is not None and np.isfinite(predicted):
-            pull = bend(model, shared, local, step, local_step)
-            step, local_step = _bent(model, damping, scale, room, (step, local_step), pull)
+            length = _length(scale, step, local_step)
+            if length > 0.0 and not curved * length < LEAST_BEND:
+                pull = bend(model, shared, local, step, local_step)
+                more, local_more = _acceleration(model, damping, scale, room, (step, local_step), pull)
+                curved = _length(scale, more, local_more) / length**2
+                # a step along which the residuals bend that much is too long for the model, bent or not
+                if curved * length <= MOST_BEND:
+                    step, local_step = step + 0.5 * more, local_step + 0.5 * local_more
         at, local_at = np.clip(shared + step, lower, upper), local + local_step
         trial = (yield at, local_at) if np.isfinite(predicted) else None
         evaluations += 1
@@ -243,7 +250,7 @@ def _nowhere(size: int, local: tuple[int, ...], kept: Any) -> Arrow:
     )  # fmt: skip
 
 
-def _bent(
+def _acceleration(
     model: Arrow,
     damping: float,
     scale: tuple[np.ndarray, np.ndarray],
@@ -251,21 +258,20 @@ def _bent(
     step: tuple[np.ndarray, np.ndarray],
     pull: tuple[np.ndarray, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a step with half of its acceleration, which undoes what the residuals bend away along it."""
+    """Return the acceleration along a step, half of which undoes what the residuals bend away along it."""
     left = replace(model, gradient=pull[0], local_gradient=pull[1])
     with np.errstate(over="ignore", invalid="ignore"):
         # what is left of the room for a step counts twice for an acceleration; what used it up stays there
         met = (step[0] <= room[0]) | (step[0] >= room[1])
         below, above = (np.where(met, 0.0, 2.0 * (end - step[0])) for end in room)
         more, local_more, _ = damped_step(left, damping, scale, below, above)
-        lengths = [
-            np.sqrt(np.sum(scale[0] * one**2) + np.sum(scale[1] * other**2))
-            for one, other in (step, (more, local_more))
-        ]
-    # a step along which the residuals bend that much is too long for the model, bent or not
-    if not lengths[1] <= MOST_BEND * lengths[0]:
-        return step
-    return step[0] + 0.5 * more, step[1] + 0.5 * local_more
+    return more, local_more
+
+
+def _length(scale: tuple[np.ndarray, np.ndarray], step: np.ndarray, local_step: np.ndarray) -> float:
+    """Return how far a step moves the residuals, by the diagonals of the model."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.sqrt(np.sum(scale[0] * step**2) + np.sum(scale[1] * local_step**2)))
 
 
 def damped_step(

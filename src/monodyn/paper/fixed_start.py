@@ -13,7 +13,7 @@ import numpy as np
 
 from monodyn.estimation.record.samples import Data, Pieces
 from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.shoot import MOST_SHOOTING_STEPS, choose_substeps
+from monodyn.estimation.shooting.shoot import choose_substeps
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.paper.filter import Filtered
 from monodyn.types import Progress
@@ -184,10 +184,7 @@ class FixedStart:
         Returns:
             The number, and the largest error with it [rad or m].
         """
-        substeps, error = choose_substeps(self.problem, self.trial(x), error_bound)
-        # one motion with each power of two, up to twice the number that is chosen
-        self.rollouts.add(min(substeps.bit_length() + 1, MOST_SHOOTING_STEPS.bit_length()))
-        return substeps, error
+        return choose_substeps(self.problem, self.trial(x), error_bound, lambda _: self.rollouts.add(1))
 
     def differences(self, x: np.ndarray) -> np.ndarray:
         """Differentiate ``residuals`` by the unknowns, by central differences within their bounds.

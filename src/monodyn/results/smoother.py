@@ -18,6 +18,7 @@ from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.verdict.unmodelled import noise_of_rows
 from monodyn.mechanism.steps import ERROR_BOUND, MOST_SUBSTEPS, fine_stamps
+from monodyn.mechanism.substeps import least_substeps
 from monodyn.results.chain import Chain, Dynamics, Pass, Seen, settled
 from monodyn.results.fill import States, fill
 from monodyn.results.trace import fitted_rows, metric
@@ -133,7 +134,7 @@ def _chain(fit: Fit, seen: Seen, times: np.ndarray, record: int) -> Chain | None
 
 def _dynamics(fit: Fit, stamps: np.ndarray, record: int) -> Dynamics:
     """Return the dynamics with as many integration steps between two stamps as the motion needs."""
-    from monodyn.mechanism.simulate import least_substeps, rollout
+    from monodyn.mechanism.simulate import rollout
 
     start, tree = fit.starts[record], fit.mechanism.tree
     drive, least = fit.driven(stamps, record)

@@ -16,7 +16,7 @@ from monodyn.estimation.record.samples import cut, merge
 from monodyn.estimation.record.smooth import NORMAL, Smoothed
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.trial import Trial
-from monodyn.mechanism.simulate import least_substeps
+from monodyn.mechanism.substeps import least_substeps
 from monodyn.optimize import Arrow, SearchSettings, minimize_arrow
 
 MOST_SHOOTING_STEPS = 64
@@ -299,13 +299,19 @@ def relative_difference(problem: Problem, trial: Trial) -> float:
     return float((typical_differences(problem, trial) / moved).max())
 
 
-def choose_substeps(problem: Problem, trial: Trial, error_bound: float) -> tuple[int, float]:
+def choose_substeps(
+    problem: Problem,
+    trial: Trial,
+    error_bound: float,
+    tried: Callable[[int], object] = lambda _: None,
+) -> tuple[int, float]:
     """Choose the integration steps between stamps by doubling them until the motion no longer changes.
 
     Args:
         problem: The problem.
         trial: Unknowns and start states; up to ``MOST_RUNS`` of its pieces are integrated.
         error_bound: Largest error [rad or m].
+        tried: Called with each number of steps by which the motion is integrated.
 
     Returns:
         The smallest number that keeps the bound, or 64; and the largest error with it [rad or m].
@@ -315,7 +321,10 @@ def choose_substeps(problem: Problem, trial: Trial, error_bound: float) -> tuple
     pick = np.unique(np.linspace(0, len(runs) - 1, MOST_RUNS).astype(int))
     chosen = [runs[k] for k in pick]
     moving, dofs = problem.moving(trial.x), problem.data.position.shape[1]
-    return least_substeps(
-        lambda steps: moving(chosen, steps)[:, :dofs], error_bound, MOST_SHOOTING_STEPS,
-        max((torque.parts for torque in problem.data.torques), default=1),
-    )  # fmt: skip
+    least = max((torque.parts for torque in problem.data.torques), default=1)
+
+    def positions(steps: int) -> np.ndarray:
+        tried(steps)
+        return moving(chosen, steps)[:, :dofs]
+
+    return least_substeps(positions, error_bound, MOST_SHOOTING_STEPS, least)
