@@ -346,7 +346,7 @@ class Horizon:
         problem = found.window.problem
         coming = problem.with_data(replace(problem.data, times=times))
         run = (0, count + 1, now.state)
-        q, v, dq, dv = coming.tangents(found.instance, found.window.substeps, [run])
+        q, v, dq, dv = coming.tangents(found.instance, found.window.substeps, [run], exact=False)
         slopes = np.concatenate((dq, dv), axis=1)
         variance = np.einsum("fip,pr,fir->fi", slopes, now.covariance, slopes, optimize=True)
         std, dofs = np.sqrt(np.maximum(variance, 0.0)), q.shape[1]
