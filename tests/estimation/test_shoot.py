@@ -81,3 +81,30 @@ def test_a_search_ends_where_the_exact_derivatives_lead(poses, double, monkeypat
     for name, p in ours.items():
         assert abs(p.value - exact[name].value) < 0.02 * exact[name].std, name
         assert p.std == pytest.approx(exact[name].std, rel=0.01), name
+
+
+def test_a_search_that_makes_no_way_goes_on_with_the_exact_derivatives(poses, double, monkeypatch):
+    """Along derivatives of the wrong sign no step brings what it promises."""
+    exact, right = variational.derivatives, []
+
+    def wrong(*given):
+        found = exact(*given)
+        if found is None:
+            return None
+        right.append(given[-1])
+        q, v, dq, dv = found
+        return q, v, -dq, dv
+
+    problem = posed(double, prepare((poses,), double))
+    start = problem.started(problem.unknowns.x0, cut(problem.data, 10), (smooth(poses),))
+    route, search = Route(10, 1e-5, SearchSettings()), SearchSettings(decrease=1e-4, relative=1e-7)
+    monkeypatch.setattr(variational, "derivatives", wrong)
+    found = fit_pieces(problem, start, route, search)
+    assert right
+    monkeypatch.setattr(variational, "derivatives", lambda *_: None)
+    expected = fit_pieces(problem, start, route, search)
+    assert found.converged
+    assert expected.converged
+    assert found.trial.most_off == 0.0
+    assert found.cost == pytest.approx(expected.cost, abs=1e-3)
+    assert found.evaluations > expected.evaluations

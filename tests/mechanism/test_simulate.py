@@ -95,7 +95,9 @@ def test_a_bound_out_of_reach_ends_the_doubling() -> None:
         (lambda steps: steps**-3.0, [1, 2, 4, 8, 16], 16),
         # one that is no order of a method is not: every number is tried
         (lambda steps: steps**-2.5, [1, 2, 4, 8, 16, 32, 64], 32),
-        # nor what falls for once
+        # what falls at once was not in the range of its order before: it is tried, too
+        (lambda steps: {1: 9.0, 2: 3.0, 4: 2e-3, 8: 1e-4, 16: 1e-5}.get(steps, 0.0), [1, 2, 4, 8, 16], 8),
+        # nor is what falls once
         (lambda steps: {1: 1.0, 2: 0.5, 4: 0.4, 8: 0.1, 16: 0.09, 32: 1e-9, 64: 0.0}[steps],
          [1, 2, 4, 8, 16, 32, 64], 32),
     ],

@@ -44,6 +44,9 @@ FEW_STEPS = SearchSettings(evaluations=10, decrease=1e-7, relative=1e-9, damping
 """From a start nearby: all but plain Gauss-Newton steps, until the cost falls by nothing that counts."""
 EXACT = 1e-5
 """Largest integration error of a window [rad or m], as of an identification."""
+MOST_OFF = 5e-4
+"""How far off the derivatives of a window's motion may be, as ``simulate`` has it: what they turn the
+gradient by is less than what a search leaves."""
 ROUNDING = 1e-12
 """Size of the derivatives of something that the motion depends on, over that of the largest, up to which they
 are those of rounding."""
@@ -431,4 +434,4 @@ def _whole(model: Arrow) -> np.ndarray:
 def _trial(window: Window, x: np.ndarray, state: np.ndarray) -> Trial:
     pieces = Pieces(np.array([0, len(window.times)]), np.array([0]))
     states = np.asarray(state, dtype=float)[None]
-    return Trial(np.asarray(x, dtype=float), states, pieces, window.substeps, exact=False)
+    return Trial(np.asarray(x, dtype=float), states, pieces, window.substeps, MOST_OFF)

@@ -55,6 +55,8 @@ SURELY = 1.96
 """Half width of a 95 % interval in standard deviations."""
 Acting = Callable[[float, float], TorqueLog | None]
 """Returns the torques that are known to have acted from one time to another [s]; None for none."""
+PREDICTED_OFF = 0.03
+"""How far off the derivatives of a prediction may be, as ``simulate`` has it, a percent of its deviations."""
 LONGEST_GAP = 1.0
 """Seconds out of sight over which the motion is carried on: after more it is begun anew."""
 GROWN = 30.0
@@ -346,7 +348,7 @@ class Horizon:
         problem = found.window.problem
         coming = problem.with_data(replace(problem.data, times=times))
         run = (0, count + 1, now.state)
-        q, v, dq, dv = coming.tangents(found.instance, found.window.substeps, [run], exact=False)
+        q, v, dq, dv = coming.tangents(found.instance, found.window.substeps, [run], most_off=PREDICTED_OFF)
         slopes = np.concatenate((dq, dv), axis=1)
         variance = np.einsum("fip,pr,fir->fi", slopes, now.covariance, slopes, optimize=True)
         std, dofs = np.sqrt(np.maximum(variance, 0.0)), q.shape[1]

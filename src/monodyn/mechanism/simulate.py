@@ -1,11 +1,11 @@
 """The only interface to motion: accelerations, rollouts and derivatives of a mechanism's tree and drive.
 
 Nothing outside of this room calls the kernels behind it, so that another engine can take its place. Such an
-engine has to provide what the functions below state: accelerations by joint, energy, a rollout over
-given time stamps with a given number of steps between them, and the exact derivatives of that very rollout.
-Arrays are checked and made contiguous here, because the kernels do not check them. A rollout takes equal
-Runge-Kutta steps between time stamps, divided where dry friction changes its sign; `simulate` chooses their
-number from a stated error bound.
+engine has to provide what the functions below state: accelerations by joint, energy, a rollout over given time
+stamps with a given number of steps between them, and the exact derivatives of that very rollout (`most_off` is
+for speed alone). Arrays are checked and made contiguous here, because the kernels do not check them. A rollout
+takes equal Runge-Kutta steps between time stamps, divided where dry friction changes its sign; `simulate`
+chooses their number from a stated error bound.
 """
 
 from __future__ import annotations
@@ -272,7 +272,7 @@ def rollouts_derivatives(
     *,
     substeps: int,
     drive: Drive | None = None,
-    exact: bool = True,
+    most_off: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Integrate as ``rollouts`` does, together with the derivatives along directions.
 
@@ -284,7 +284,7 @@ def rollouts_derivatives(
         states: Joint positions, then rates at the first frame of each run, (piece, 2 dof).
         substeps: Equal steps between two stamps.
         drive: Torques over time in addition to friction and springs, or None.
-        exact: The derivatives are those of this very rollout; else they may be those ``variational`` has.
+        most_off: Above 0 the derivatives may be those of ``variational``; at 0 they are of this very rollout.
 
     Returns:
         Positions and rates, each (frame, dof), and their derivatives, each (frame, dof, param + 2 dof): by
@@ -297,10 +297,10 @@ def rollouts_derivatives(
     _agree(tree, states[:, ::2], drive.table.T, directions.entry.T)
     f8, i8 = np.float64, np.int64
     times, first, states = plain(times, f8), plain(first, i8), plain(states, f8)
-    if not exact:
+    if most_off > 0.0:
         from monodyn.mechanism import variational
 
-        found = variational.derivatives(tree, directions, times, first, substeps, states, drive)
+        found = variational.derivatives(tree, directions, times, first, substeps, states, drive, most_off)
         if found is not None:
             return found
     from monodyn.mechanism import tangents

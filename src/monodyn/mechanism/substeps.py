@@ -6,8 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-STEADY = 8.0
-"""Least ratio of the changes by two doublings from which on the next one is taken to be as much smaller."""
+STEADY = (8.0, 32.0)
+"""Ratios of the changes by two doublings with which the next one is taken to be as much smaller, by 16 at
+most. A smaller ratio is no order of the method, as where dry friction turns; a larger one shows that the
+coarser motion was not in the range of its order yet."""
 
 
 def least_substeps(
@@ -28,7 +30,9 @@ def least_substeps(
 
     Source:
         Step doubling: halving the step of an order-4 method divides its error by 16, so the error of the
-        longer step is 16/15 of the difference of the two results, that of the shorter 1/15.
+        longer step is 16/15 of the difference of the two results, that of the shorter 1/15. Where the last
+        two differences fall by a ratio r near 16, the next ones are known: the shorter step leaves
+        1 / (r - 1) of the difference, and is not doubled any more where that keeps the bound.
     """
     steps, change = least, np.inf
     coarse = positions(least)
@@ -41,7 +45,8 @@ def least_substeps(
             return steps, 16 / 15 * change
         steps, coarse = 2 * steps, fine
         # where changes fall as they should, the next one is known without trying it
-        falls = min(before / change, 16.0) if np.isfinite(before) else 0.0
-        if falls >= STEADY and change / (falls - 1.0) <= tolerance:
-            return steps, change / (falls - 1.0)
+        falls = before / change if np.isfinite(before) else 0.0
+        left = change / (min(falls, 16.0) - 1.0)
+        if STEADY[0] <= falls <= STEADY[1] and left <= tolerance:
+            return steps, left
     return steps, change / 15 if np.isfinite(change) else np.inf

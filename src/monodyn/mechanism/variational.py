@@ -8,9 +8,11 @@ rollout (``tangents``) need four; and the equation is linear, so that the step, 
 small system. These are the derivatives of the motion itself, a few times less exact than its integration.
 
 How exact shows in the motion: its rates and accelerations are such a change d, that of a start a little
-later, so that the derivatives by the start have to carry them along.
+later, so that the derivatives by the start have to carry them along. Of a joint that rests all along nothing
+is seen; it counts as inexact.
 
-Names: as in ``tangents``; ``by`` is b, A_q and A_v where a step begins, (dof, param + 2 dof).
+Names: as in ``tangents``; ``by`` is b, A_q and A_v at the start, the middle and the end of two steps, (3,
+dof, param + 2 dof).
 
 Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), I.14
 (variational equation), and II (1996), IV.5 (Lobatto IIIA).
@@ -28,14 +30,13 @@ from monodyn.mechanism.slopes import SLOPE, linearize, touched
 from monodyn.mechanism.tree import FRICTION, Directions, Tree
 from monodyn.solving import eliminate
 
-MOST_OFF = 0.1
-"""Largest typical difference between the rates of a motion and those that its derivatives by the start carry
-along, as a share of the typical rate: what is estimated has the same standard deviations within a percent."""
+REST = 1e-6
+"""Share of the squared rates of a joint's fastest run below which a run of it counts as one at rest."""
 
 
 def derivatives(
     tree: Tree, directions: Directions, times: np.ndarray, first: np.ndarray, substeps: int,
-    states: np.ndarray, drive: Drive,
+    states: np.ndarray, drive: Drive, most_off: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:  # fmt: skip
     """Integrate motions with their derivatives where these are exact enough.
 
@@ -45,13 +46,15 @@ def derivatives(
         times: Time stamps of all runs end to end [s], (frame,).
         first: First frame of each run and one past the last, int64 (piece + 1,).
         substeps: Equal steps between two stamps.
-        states: Joint positions, then rates at the first frame of each run, (piece, 2 dof).
+        states: Joint positions, then rates at the first frame of each run [rad or m, rad/s or m/s], (piece,
+            2 dof).
         drive: Torques over time in addition to friction and springs.
+        most_off: How far off the derivatives by the start may be, as a share, by what they make of the rates.
 
     Returns:
-        Positions and rates, each (frame, dof), the same as of ``simulate.rollouts``, and their derivatives,
+        Positions and rates, each (frame, dof), the same as of ``simuda.rollouts``, and their derivatives,
         each (frame, dof, param + 2 dof); None where something acts that is not smooth over time, for an odd
-        number of steps, and where derivatives come out less exact than ``MOST_OFF``.
+        number of steps, and where derivatives come out less exact.
     """
     dry = tree.links[:, FRICTION].any() or directions.links[:, FRICTION].any()
     if drive.mode != NONE or dry or substeps % 2:
@@ -61,7 +64,7 @@ def derivatives(
     q, v, dq, dv, off = variations(
         tree.parent, tree.kind, tree.links, links, tree.gravity, gravity, times, first, int(substeps), states
     )
-    if not off <= MOST_OFF:
+    if not off <= most_off:
         return None
     params, starts = len(directions.acting), states.shape[1]
     if len(acting) < params:
@@ -73,10 +76,10 @@ def derivatives(
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def _carry(length, by, dx, du, middle, late, matrix, right):  # pragma: no cover - compiled
+def _carry(length, by, dx, du, middle, da, matrix, right):  # pragma: no cover - compiled
     """Carry tangents ``dx`` and ``du`` (dof, direction) over two steps, of ``length`` together.
 
-    ``by`` is (3, dof, param + 2 dof); ``middle`` (2 dof, direction), ``late`` (dof, direction), ``matrix``
+    ``by`` is (3, dof, param + 2 dof); ``middle`` (2 dof, direction), ``da`` (dof, direction), ``matrix``
     (2 dof, 2 dof) and ``right`` (2 dof, direction) are scratch. With x and u at the start 0, in the middle 1
     and at the end 2, and a = A_q x + A_v u + b:
 
@@ -102,19 +105,19 @@ def _carry(length, by, dx, du, middle, late, matrix, right):  # pragma: no cover
             matrix[n + i, j] = h * h / 12.0 * to_q - h / 6.0 * q2 - h / 3.0 * q1
             matrix[n + i, n + j] = same + h * h / 12.0 * (to_v + q1) - h / 6.0 * v2 - h / 3.0 * v1
     # a0, then a0 - b2
-    _accelerate(by0, dx, du, late)
+    _accelerate(by0, dx, du, da)
     for i in range(n):
         for k in range(live):
             b2 = by2[i, k] if k < params else 0.0
-            right[n + i, k] = du[i, k] + h / 6.0 * (late[i, k] + b2)
-            late[i, k] -= b2
-            right[i, k] = dx[i, k] + 0.5 * h * du[i, k] + h * h / 12.0 * late[i, k]
+            right[n + i, k] = du[i, k] + h / 6.0 * (da[i, k] + b2)
+            da[i, k] -= b2
+            right[i, k] = dx[i, k] + 0.5 * h * du[i, k] + h * h / 12.0 * da[i, k]
             middle[i, k] = 0.5 * dx[i, k] + 0.125 * h * du[i, k]
-            middle[n + i, k] = 0.5 * du[i, k] + 0.125 * h * late[i, k]
-    _accelerate(by1, middle[:n], middle[n:], late)
+            middle[n + i, k] = 0.5 * du[i, k] + 0.125 * h * da[i, k]
+    _accelerate(by1, middle[:n], middle[n:], da)
     for i in range(n):
         for k in range(live):
-            right[n + i, k] += 2.0 * h / 3.0 * late[i, k]
+            right[n + i, k] += 2.0 * h / 3.0 * da[i, k]
     if not eliminate(matrix, right):
         right[:] = np.nan
     dx[:], du[:] = right[:n], right[n:]
@@ -143,9 +146,10 @@ def variations(
 
     ``dlinks`` (dof, column, param) and ``dgravity`` (2, param) are the derivatives of ``links`` and
     ``gravity``, ``substeps`` is even; all else is as in ``tangents.rollout_tangents``, the directions in
-    their order. How far off is the typical difference of rates and of what the derivatives by the start make
-    of the rates and accelerations there, as a share of the typical rate of the run, the largest of all runs;
-    infinite where nothing moves.
+    their order. How far off is the typical difference of a joint's rate and of what the derivatives by the
+    start make of the rates and accelerations there, as a share of the joint's typical rate in the run, the
+    largest of all joints and runs; infinite for a joint that never moves. Runs that grow beyond all bounds do
+    not count.
     """
     n, frames, params = parent.size, times.size, dlinks.shape[2]
     live = params + 2 * n
@@ -156,10 +160,10 @@ def variations(
     tau, hold = np.zeros(n), np.zeros(n)
     x0, u0, x, u, a = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     rates, changes, pull = np.empty(n), np.empty(n), np.empty(n)
-    dx, du, late = np.empty((n, live)), np.empty((n, live)), np.empty((n, live))
+    dx, du, da = np.empty((n, live)), np.empty((n, live)), np.empty((n, live))
     middle, right, matrix = np.empty((2 * n, live)), np.empty((2 * n, live)), np.empty((2 * n, 2 * n))
     at, what = touched(dlinks, params)
-    off = 0.0
+    gaps, speeds = np.zeros((first.size - 1, n)), np.zeros((first.size - 1, n))
     for run in range(first.size - 1):
         begin, end = first[run], first[run + 1]
         if begin == end:
@@ -174,7 +178,6 @@ def variations(
         forward(parent, kind, links, gravity, x0, u0, tau, hold, w, h, a)
         linearize(parent, kind, links, gravity, dgravity, at, what, x0, u0, a, w, h, d, by_q, by_v, by[0])
         pull[:] = a
-        gaps, speeds = 0.0, 0.0
         for f in range(begin + 1, end):
             step = (times[f] - times[f - 1]) / substeps
             for s in range(substeps):
@@ -199,17 +202,29 @@ def variations(
                     parent, kind, links, gravity, dgravity, at, what, x0, u0, a, w, h, d, by_q, by_v, to
                 )
                 if s % 2:
-                    _carry(2.0 * step, by, dx, du, middle, late, matrix, right)
+                    _carry(2.0 * step, by, dx, du, middle, da, matrix, right)
                     by[0] = by[2]
             q[f], v[f], dq[f], dv[f] = x0, u0, dx, du
             for i in range(n):
                 carried = 0.0
                 for j in range(n):
                     carried += dx[i, params + j] * v[begin, j] + dx[i, params + n + j] * pull[j]
-                gaps += (carried - u0[i]) ** 2
-                speeds += u0[i] ** 2
-        # of a motion that grows beyond all bounds no derivatives are any better
-        if np.isfinite(speeds):
-            share = np.sqrt(gaps / speeds)
-            off = max(off, share) if np.isfinite(share) else np.inf
-    return q, v, dq, dv, off
+                gaps[run, i] += (carried - u0[i]) ** 2
+                speeds[run, i] += u0[i] ** 2
+    return q, v, dq, dv, _off(gaps, speeds)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _off(gaps, speeds):  # pragma: no cover - compiled
+    """Return the largest share of what rates are off by, from sums of squares of both, (run, dof)."""
+    off = 0.0
+    for i in range(gaps.shape[1]):
+        fastest = 0.0
+        for run in range(gaps.shape[0]):
+            if np.isfinite(speeds[run, i]):
+                fastest = max(fastest, speeds[run, i])
+        for run in range(gaps.shape[0]):
+            if np.isfinite(speeds[run, i]):
+                share = np.sqrt(gaps[run, i] / (speeds[run, i] + REST * fastest))
+                off = max(off, share) if np.isfinite(share) else np.inf
+    return off

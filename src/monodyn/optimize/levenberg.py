@@ -19,11 +19,15 @@ from monodyn.optimize.status import EXHAUSTED, NOT_EVALUABLE, REACHED, STALLED
 LEAST_DAMPING, MOST_DAMPING = 1e-15, 1e12
 """The least is small against what is known least, such as an assumed proportion, next to the largest slope of
 a motion that doubles every error several times: damped more it would creep."""
+HOLDS = 0.75
+"""Share of the predicted fall of the cost that has to come for the model to count as one that holds."""
 LEAST_GAIN = 1e-4
 """A step is taken when the cost falls by at least this share of what the model predicted."""
-MOST_BEND, LEAST_BEND = 0.75, 0.02
-"""Acceleration over a step, both as they move the residuals, above which it is not bent, and below which that
-is not worth the evaluation: the acceleration goes with the square of the length, as the last one tells."""
+MOST_BEND = 0.75
+"""Acceleration over a step, both as they move the residuals, above which it is not bent."""
+LEAST_BEND = 0.005
+"""The same, below which a bend is not worth an evaluation. The acceleration goes with the square of the
+length: the last one tells how large the next one will be, as long as the model holds."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +138,7 @@ def minimize_arrow(
             derivative fades in one direction needs one: a single step of the model can carry it so far that
             no later step brings it back.
         bend: Gives J.r'' of the second derivative of the residuals along a step, shared and local, at the
-            point of a model; without it steps are straight.
+            point of a model, where that may matter; without it steps are straight.
 
     Returns:
         The best point found; its status is the reason why the search ended.
@@ -189,6 +193,9 @@ def _search(
                 # a step along which the residuals bend that much is too long for the model, bent or not
                 if curved * length <= MOST_BEND:
                     step, local_step = step + 0.5 * more, local_step + 0.5 * local_more
+                # of what has met the end of its room there is none: it tells nothing of the next step
+                met = np.any((step <= room[0]) | (step >= room[1]))
+                curved = np.inf if met else curved
         at, local_at = np.clip(shared + step, lower, upper), local + local_step
         trial = (yield at, local_at) if np.isfinite(predicted) else None
         evaluations += 1
@@ -196,6 +203,7 @@ def _search(
         # length of step, and the damping may shrink toward a plain Gauss-Newton step.
         gain = (model.cost - trial.cost) / predicted if trial is not None and trial.finite else -np.inf
         damping = _next_damping(damping, gain)
+        curved = curved if gain > HOLDS else np.inf
         if gain > LEAST_GAIN and trial is not None:
             shared, local, model = at, local_at, trial
             # The scale never shrinks: a column that fades for a while does not get a longer step for it.
@@ -320,7 +328,7 @@ def _largest(
 
 def _next_damping(damping: float, gain: float) -> float:
     """Less damping after a step that lowered the cost as predicted, more after one that did not."""
-    if gain > 0.75:
+    if gain > HOLDS:
         return max(0.1 * damping, LEAST_DAMPING)
     if gain > 0.25:
         return max(0.5 * damping, LEAST_DAMPING)

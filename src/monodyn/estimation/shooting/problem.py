@@ -186,7 +186,7 @@ class Problem:
         """
         moved = trial.recalled("tangents", self._moving)
         if moved is None:
-            moved = self.tangents(self.instance(trial), trial.substeps, trial.runs, exact=trial.exact)
+            moved = self.tangents(self.instance(trial), trial.substeps, trial.runs, most_off=trial.most_off)
             trial.remember("tangents", self._moving, moved)
         return moved
 
@@ -208,7 +208,7 @@ class Problem:
         return self.mechanism, self.unknowns, self.data.times, self.data.by_roll, self.prior.weights
 
     def tangents(
-        self, instance: Instance, substeps: int, runs: Sequence[Run], *, exact: bool = True
+        self, instance: Instance, substeps: int, runs: Sequence[Run], *, most_off: float = 0.0
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Simulate runs of rows with their derivatives.
 
@@ -216,14 +216,14 @@ class Problem:
             instance: The mechanism.
             substeps: Integration steps between two time stamps.
             runs: First row, one past the last row and start state (2 dof,) of each.
-            exact: As ``simulate`` has it.
+            most_off: As ``simulate`` has it.
 
         Returns:
             Positions and rates of all runs end to end, in metres and true time, each (row, dof), and their
             derivatives, each (row, dof, param + 2 dof): by coordinate, then by the start state of the run.
         """
         dofs, params = self.data.position.shape[1], len(instance.dsize)
-        moving = partial(rollouts_derivatives, instance.tree, instance.slowed, exact=exact)
+        moving = partial(rollouts_derivatives, instance.tree, instance.slowed, most_off=most_off)
         q, v, dq, dv = self._together(moving, instance.drive, instance.lag, instance.stretch, runs, substeps)
         if instance.dstretch.any():
             # start rates are by true time: a slower clock is like larger ones, at the same stamps

@@ -18,6 +18,7 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.mechanism.substeps import least_substeps
 from monodyn.optimize import Arrow, SearchSettings, minimize_arrow
+from monodyn.optimize.status import STALLED
 
 MOST_SHOOTING_STEPS = 64
 """Integration steps between two time stamps at most."""
@@ -28,6 +29,9 @@ NEARER = 0.5
 """Where a search ends with less than this share of its first typical residual, its steps are chosen anew."""
 NEAR_DAMPING = 1e-6
 """First damping where a search goes on that has ended roughly."""
+AS_EXACT = 1.5
+"""How far off derivatives may be, over the root of the decrease at which a search ends. What they are off by
+turns the gradient: it promises a decrease of about half its square for each unknown that does not come."""
 MOST_RUNS = 24
 """Pieces by which the integration steps are chosen."""
 ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
@@ -167,6 +171,7 @@ def fit_pieces(
     robust: bool = True,
     held: np.ndarray | bool = False,
     substeps: int | None = None,
+    exact: bool = False,
 ) -> Optimum:
     """Fit shared unknowns and start states without changing how the records are cut.
 
@@ -178,11 +183,14 @@ def fit_pieces(
         robust: Bound the pull of samples beyond four typical residuals.
         held: True for shared unknowns that stay as they are, (param,), or for all of them.
         substeps: Integration steps that the start needs, where they have been chosen.
+        exact: The derivatives are those of the very rollouts from the start; else they become so where the
+            search makes no way without.
 
     Returns:
         The fit; its ``cost`` is infinite where the start cannot be evaluated.
     """
-    start = _searched(start, substeps or _substeps(problem, start, route))
+    most_off = 0.0 if exact else AS_EXACT * np.sqrt(search.decrease)
+    start = _searched(start, substeps or _substeps(problem, start, route), most_off)
     # the rows of the start give the typical residual, and are then those of the search's first evaluation
     sigma = typical(problem.rows(start)[0], problem.data.measured)
     limit = 4.0 * max(1.0, sigma) if robust else 0.0
@@ -209,6 +217,13 @@ def fit_pieces(
         trial, residuals, found.model.cost, typical(residuals, problem.data.measured), found.evaluations,
         found.converged, found.at_bound,
     )  # fmt: skip
+    if found.status == STALLED and start.most_off > 0.0:
+        # what the derivatives are off by is all that is left to gain
+        nearby = replace(search, damping=NEAR_DAMPING)
+        again = fit_pieces(
+            problem, ended.trial, route, nearby, robust=robust, held=held, substeps=start.substeps, exact=True
+        )
+        return replace(again, evaluations=again.evaluations + ended.evaluations)
     # what was exact enough for where it began may not be for where it ended, much nearer to the record
     nearer = route.share > 0.0 and ended.sigma < NEARER * sigma
     if nearer and _substeps(problem, ended.trial, route) > start.substeps:
@@ -217,12 +232,11 @@ def fit_pieces(
     return ended
 
 
-def _searched(trial: Trial, substeps: int) -> Trial:
-    """Return a trial as a search takes it, itself where it is so already: with its integration steps and, in
-    half the time, the derivatives of the motion."""
-    if trial.substeps == substeps and not trial.exact:
+def _searched(trial: Trial, substeps: int, most_off: float) -> Trial:
+    """Return a trial with the integration steps and the exactness of a search, itself where it has them."""
+    if trial.substeps == substeps and trial.most_off == most_off:
         return trial
-    return replace(trial, substeps=substeps, exact=False)
+    return replace(trial, substeps=substeps, most_off=most_off)
 
 
 def _substeps(problem: Problem, trial: Trial, route: Route) -> int:

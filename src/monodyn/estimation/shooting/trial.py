@@ -30,7 +30,7 @@ class Trial:
         states: Start states, positions then rates [rad or m, rad/s or m/s], one row a piece, (piece, 2 dof).
         pieces: How the records are cut.
         substeps: Integration steps between two time stamps.
-        exact: Its derivatives are those of the very rollout; else of the motion, as ``simulate`` has both.
+        most_off: How far off its derivatives may be, as ``simulate`` has it; 0 for those of the very rollout.
         known: Its motions, as far as they have been integrated; see `recalled`.
     """
 
@@ -38,7 +38,7 @@ class Trial:
     states: np.ndarray
     pieces: Pieces
     substeps: int = 1
-    exact: bool = True
+    most_off: float = 0.0
     known: dict[str, tuple[tuple[object, ...], Any]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )

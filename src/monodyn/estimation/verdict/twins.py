@@ -117,10 +117,10 @@ def told(twins: Sequence[Mapping[str, float]], estimates: Sequence[Estimate]) ->
     """
     said = []
     for values in twins:
-        # what is as far off but for rounding stays in the order of the mechanism
+        # what is as far off, but for where a search has ended, stays in the order of the mechanism
         far = sorted(
             apart(values, estimates),
-            key=lambda p: -round(abs(values[p.name] - p.value) / max(abs(p.value), 1e-300), 2),
+            key=lambda p: -float(f"{abs(values[p.name] - p.value) / max(abs(p.value), 1e-300):.2g}"),
         )
         words = [f"{p.name} {values[p.name]:.3g} in place of {p.value:.3g} {p.unit}".rstrip() for p in far]
         said.append(
