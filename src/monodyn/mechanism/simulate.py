@@ -1,11 +1,11 @@
 """The only interface to motion: accelerations, rollouts and derivatives of a mechanism's tree and drive.
 
 Nothing outside of this room calls the kernels behind it, so that another engine can take its place. Such an
-engine has to provide what the functions below state: accelerations by joint, energy, a rollout over given time
-stamps with a given number of steps between them, and the exact derivatives of that very rollout (`most_off` is
-for speed alone). Arrays are checked and made contiguous here, because the kernels do not check them. A rollout
-takes equal Runge-Kutta steps between time stamps, divided where dry friction changes its sign; `simulate`
-chooses their number from a stated error bound.
+engine has to provide what the functions below state: accelerations by joint, energy, a rollout over given
+time stamps with a given number of steps between them, and the exact derivatives of that very rollout
+(`most_off` is for speed alone). Arrays are checked and made contiguous here, because the kernels do not
+check them. A rollout takes equal Runge-Kutta steps between time stamps, divided where dry friction changes
+its sign; `simulate` chooses their number from a stated error bound.
 """
 
 from __future__ import annotations
