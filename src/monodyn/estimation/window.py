@@ -30,7 +30,7 @@ from monodyn.estimation.parts import Common
 from monodyn.estimation.record.samples import Data, Pieces, prepare
 from monodyn.estimation.shooting.instance import Instance
 from monodyn.estimation.shooting.problem import Problem, posed
-from monodyn.estimation.shooting.shoot import choose_substeps
+from monodyn.estimation.shooting.shoot import choose_substeps, most_off
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.common import left_open, less
 from monodyn.estimation.verdict.regrouped import Trees, features
@@ -44,9 +44,6 @@ FEW_STEPS = SearchSettings(evaluations=10, decrease=1e-7, relative=1e-9, damping
 """From a start nearby: all but plain Gauss-Newton steps, until the cost falls by nothing that counts."""
 EXACT = 1e-5
 """Largest integration error of a window [rad or m], as of an identification."""
-MOST_OFF = 5e-4
-"""How far off the derivatives of a window's motion may be, as ``simulate`` has it: what they turn the
-gradient by is less than what a search leaves."""
 ROUNDING = 1e-12
 """Size of the derivatives of something that the motion depends on, over that of the largest, up to which they
 are those of rounding."""
@@ -287,7 +284,7 @@ def refit(
         found = refit(window.on(poses[1:41]), arrival, found.x, state)
         now = ahead(found, -1)  # state at the last row, with the covariance of a prediction from there
     """
-    problem, begun = window.problem, _trial(window, x, state)
+    problem, begun = window.problem, replace(_trial(window, x, state), most_off=most_off(settings))
 
     def evaluate(at: np.ndarray, local: np.ndarray) -> Arrow:
         trial = begun.at(at, local)
@@ -434,4 +431,4 @@ def _whole(model: Arrow) -> np.ndarray:
 def _trial(window: Window, x: np.ndarray, state: np.ndarray) -> Trial:
     pieces = Pieces(np.array([0, len(window.times)]), np.array([0]))
     states = np.asarray(state, dtype=float)[None]
-    return Trial(np.asarray(x, dtype=float), states, pieces, window.substeps, MOST_OFF)
+    return Trial(np.asarray(x, dtype=float), states, pieces, window.substeps)

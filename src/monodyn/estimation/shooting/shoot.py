@@ -189,8 +189,7 @@ def fit_pieces(
     Returns:
         The fit; its ``cost`` is infinite where the start cannot be evaluated.
     """
-    most_off = 0.0 if exact else AS_EXACT * np.sqrt(search.decrease)
-    start = _searched(start, substeps or _substeps(problem, start, route), most_off)
+    start = _searched(start, substeps or _substeps(problem, start, route), 0.0 if exact else most_off(search))
     # the rows of the start give the typical residual, and are then those of the search's first evaluation
     sigma = typical(problem.rows(start)[0], problem.data.measured)
     limit = 4.0 * max(1.0, sigma) if robust else 0.0
@@ -232,11 +231,20 @@ def fit_pieces(
     return ended
 
 
-def _searched(trial: Trial, substeps: int, most_off: float) -> Trial:
+def most_off(search: SearchSettings) -> float:
+    """Return how far off derivatives may be for a search to end where it should, as ``simulate`` has it.
+
+    Args:
+        search: When it stops.
+    """
+    return AS_EXACT * float(np.sqrt(search.decrease))
+
+
+def _searched(trial: Trial, substeps: int, off: float) -> Trial:
     """Return a trial with the integration steps and the exactness of a search, itself where it has them."""
-    if trial.substeps == substeps and trial.most_off == most_off:
+    if trial.substeps == substeps and trial.most_off == off:
         return trial
-    return replace(trial, substeps=substeps, most_off=most_off)
+    return replace(trial, substeps=substeps, most_off=off)
 
 
 def _substeps(problem: Problem, trial: Trial, route: Route) -> int:
