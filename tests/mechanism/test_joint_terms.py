@@ -9,7 +9,7 @@ from zoo import ZOO
 from monodyn.mechanism import Mechanism, load, write_mjcf, write_urdf
 from monodyn.mechanism.dimensions import DIMENSIONS, SLIDE_DIMENSIONS
 from monodyn.mechanism.plan import JOINT, JOINT_COLUMNS
-from monodyn.mechanism.simulate import accelerations, rollout, rollout_derivatives
+from monodyn.mechanism.simulate import accelerations, rollout, rollout_derivatives, rollouts_derivatives
 from monodyn.mechanism.tree import ARMATURE, COLUMNS, DAMPING, LEAD, PASSIVE, REST
 from monodyn.mechanism.urdf import NOT_IN_URDF
 
@@ -68,6 +68,22 @@ def test_the_derivative_by_a_term_is_that_of_the_complex_step(kind: str, value: 
         assert np.abs(theirs).max() > 1e-9
         # both are exact derivatives: rounding
         np.testing.assert_allclose(dq[:, :, k], theirs, rtol=1e-9, atol=1e-12 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize("kind", JOINT)
+def test_where_a_term_jumps_a_search_takes_the_derivatives_of_the_rollout(kind: str) -> None:
+    """Of what is smooth the derivatives of the motion are as good, however far off they may be; the second
+    joint turns round here, under friction both do."""
+    mechanism, times = cartpole(kind), np.linspace(0.0, 1.0, 31)
+    directions = mechanism.directions([f"{j.name}.{kind}" for j in mechanism.joints])
+    first, start = np.array([0, 31]), np.array([[0.1, 0.5, 0.3, 1.0]])
+    exact, found = (
+        rollouts_derivatives(mechanism.tree, directions, times, first, start, substeps=16, most_off=most_off)[
+            2
+        ]
+        for most_off in (0.0, np.inf)
+    )
+    assert np.abs(found - exact).max() < 1e-3 * np.abs(exact).max()
 
 
 @pytest.mark.parametrize("kind", JOINT)

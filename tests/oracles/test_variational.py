@@ -143,12 +143,14 @@ def driven(mechanism: Mechanism) -> tuple[Tree, dict]:
 
 
 @pytest.mark.parametrize(
-    ("acting", "substeps", "scale"),
-    [(dry, 8, 1.0), (driven, 8, 1.0), (lambda one: (one.tree, {}), 3, 1.0),
-     (lambda one: (one.tree, {}), 2, 100.0), (lambda one: (one.tree, {}), 8, 0.0)],
+    ("acting", "substeps", "scale", "most_off"),
+    [(dry, 8, 1.0, np.inf), (driven, 8, 1.0, np.inf), (lambda one: (one.tree, {}), 3, 1.0, np.inf),
+     (lambda one: (one.tree, {}), 2, 100.0, 0.1), (lambda one: (one.tree, {}), 8, 0.0, 0.1)],
     ids=["dry friction", "a torque over time", "an odd number of steps", "steps too long", "at rest"],
 )  # fmt: skip
-def test_where_they_would_not_do_the_exact_ones_come(acting, substeps: int, scale: float) -> None:
+def test_where_they_would_not_do_the_exact_ones_come(
+    acting, substeps: int, scale: float, most_off: float
+) -> None:
     double = load("double")
     tree, more = acting(double)
     directions = double.directions(["link1.length", "joint1.damping"])
@@ -160,9 +162,9 @@ def test_where_they_would_not_do_the_exact_ones_come(acting, substeps: int, scal
         tree = replace(tree, gravity=np.zeros(2))
     ways = [
         rollouts_derivatives(
-            tree, directions, TIMES, np.array([0, 10]), state, substeps=substeps, most_off=most_off, **more
+            tree, directions, TIMES, np.array([0, 10]), state, substeps=substeps, most_off=bound, **more
         )
-        for most_off in (0.1, 0.0)
+        for bound in (most_off, 0.0)
     ]
     for ours, theirs in zip(*ways, strict=True):
         np.testing.assert_array_equal(ours, theirs)

@@ -2,10 +2,10 @@
 
 A change d of the state obeys d'' = A_q d + A_v d' + b along the motion, with A the derivatives of the
 accelerations by the state and b those by a parameter, which ``slopes`` has. It is integrated in steps of two
-steps of the motion each, by the polynomial of order four that obeys it at the start, the middle and the end.
-Steps of the motion begin there, so that one linearization a step is enough where the derivatives of the very
-rollout (``tangents``) need four; and the equation is linear, so that the step, though implicit, takes one
-small system. These are the derivatives of the motion itself, a few times less exact than its integration.
+steps of the motion each, by the cubic that obeys it at the start, the middle and the end, which is of order
+four. Steps of the motion begin there, so that one linearization a step is enough where the derivatives of the
+very rollout (``tangents``) need four; and the equation is linear, so that the step, though implicit, takes
+one small system. These are the derivatives of the motion itself, a few times less exact than its integration.
 
 How exact shows in the motion: its rates and accelerations are such a change d, that of a start a little
 later, so that the derivatives by the start have to carry them along. Of a joint that rests all along nothing
@@ -52,7 +52,7 @@ def derivatives(
         most_off: How far off the derivatives by the start may be, as a share, by what they make of the rates.
 
     Returns:
-        Positions and rates, each (frame, dof), the same as of ``simuda.rollouts``, and their derivatives,
+        Positions and rates, each (frame, dof), the same as of ``simulate.rollouts``, and their derivatives,
         each (frame, dof, param + 2 dof); None where something acts that is not smooth over time, for an odd
         number of steps, and where derivatives come out less exact.
     """
@@ -137,6 +137,29 @@ def _accelerate(by, dx, du, da):  # pragma: no cover - compiled
                 da[i, k] += to_q * dx[j, k] + to_v * du[j, k]
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _advance(
+    parent, kind, links, gravity, step, x0, u0, a, x, u, rates, changes, tau, w, h
+):  # pragma: no cover - compiled
+    """Take a step of the motion from positions ``x0`` and rates ``u0`` with accelerations ``a``; leave those
+    at its end there, ``w`` and ``h`` as ``forward`` does. ``tau`` is zero, the rest is scratch."""
+    x[:], u[:], rates[:], changes[:] = x0, u0, u0, a
+    for r in range(1, 4):
+        part = step if r == 3 else 0.5 * step
+        weight = 1.0 if r == 3 else 2.0
+        for i in range(x.size):
+            x[i] = x0[i] + part * u[i]
+            u[i] = u0[i] + part * a[i]
+        forward(parent, kind, links, gravity, x, u, tau, tau, w, h, a)
+        for i in range(x.size):
+            rates[i] += weight * u[i]
+            changes[i] += weight * a[i]
+    for i in range(x.size):
+        x0[i] += step / 6.0 * rates[i]
+        u0[i] += step / 6.0 * changes[i]
+    forward(parent, kind, links, gravity, x0, u0, tau, tau, w, h, a)
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def variations(
     parent, kind, links, dlinks, gravity, dgravity, times, first, substeps, states
@@ -157,7 +180,7 @@ def variations(
     dq, dv = np.empty((frames, n, live)), np.empty((frames, n, live))
     w, h, d = np.empty((n, WORK)), np.empty((n, n)), np.empty((n, SLOPE))
     by_q, by_v, by = np.zeros((n, n)), np.zeros((n, n)), np.zeros((3, n, live))
-    tau, hold = np.zeros(n), np.zeros(n)
+    tau = np.zeros(n)
     x0, u0, x, u, a = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     rates, changes, pull = np.empty(n), np.empty(n), np.empty(n)
     dx, du, da = np.empty((n, live)), np.empty((n, live)), np.empty((n, live))
@@ -175,28 +198,13 @@ def variations(
         q[begin], v[begin], dq[begin], dv[begin] = x0, u0, dx, du
         if begin + 1 == end:
             continue
-        forward(parent, kind, links, gravity, x0, u0, tau, hold, w, h, a)
+        forward(parent, kind, links, gravity, x0, u0, tau, tau, w, h, a)
         linearize(parent, kind, links, gravity, dgravity, at, what, x0, u0, a, w, h, d, by_q, by_v, by[0])
         pull[:] = a
         for f in range(begin + 1, end):
             step = (times[f] - times[f - 1]) / substeps
             for s in range(substeps):
-                # the first stage has been worked out where the step before ended
-                x[:], u[:], rates[:], changes[:] = x0, u0, u0, a
-                for r in range(1, 4):
-                    part = step if r == 3 else 0.5 * step
-                    weight = 1.0 if r == 3 else 2.0
-                    for i in range(n):
-                        x[i] = x0[i] + part * u[i]
-                        u[i] = u0[i] + part * a[i]
-                    forward(parent, kind, links, gravity, x, u, tau, hold, w, h, a)
-                    for i in range(n):
-                        rates[i] += weight * u[i]
-                        changes[i] += weight * a[i]
-                for i in range(n):
-                    x0[i] += step / 6.0 * rates[i]
-                    u0[i] += step / 6.0 * changes[i]
-                forward(parent, kind, links, gravity, x0, u0, tau, hold, w, h, a)
+                _advance(parent, kind, links, gravity, step, x0, u0, a, x, u, rates, changes, tau, w, h)
                 to = by[1 + s % 2]
                 linearize(
                     parent, kind, links, gravity, dgravity, at, what, x0, u0, a, w, h, d, by_q, by_v, to

@@ -189,13 +189,13 @@ def _search(
             if length > 0.0 and not curved * length < LEAST_BEND:
                 pull = bend(model, shared, local, step, local_step)
                 more, local_more = _acceleration(model, damping, scale, room, (step, local_step), pull)
-                curved = _length(scale, more, local_more) / length**2
+                share = _length(scale, more, local_more) / length
                 # a step along which the residuals bend that much is too long for the model, bent or not
-                if curved * length <= MOST_BEND:
+                if share <= MOST_BEND:
                     step, local_step = step + 0.5 * more, local_step + 0.5 * local_more
-                # of what has met the end of its room there is none: it tells nothing of the next step
+                # what has met the end of its room is not bent, which tells nothing of the next step
                 met = np.any((step <= room[0]) | (step >= room[1]))
-                curved = np.inf if met else curved
+                curved = np.inf if met else share / length
         at, local_at = np.clip(shared + step, lower, upper), local + local_step
         trial = (yield at, local_at) if np.isfinite(predicted) else None
         evaluations += 1

@@ -184,11 +184,11 @@ class Problem:
         Returns:
             Positions and rates, (row, dof), and their derivatives, (row, dof, param + 2 dof).
         """
-        moved = trial.recalled("tangents", self._moving)
-        if moved is None:
-            moved = self.tangents(self.instance(trial), trial.substeps, trial.runs, most_off=trial.most_off)
-            trial.remember("tangents", self._moving, moved)
-        return moved
+        known = trial.recalled("tangents", self._moving)
+        if known is not None:
+            return known
+        moved = self.tangents(self.instance(trial), trial.substeps, trial.runs, most_off=trial.most_off)
+        return trial.remember("tangents", self._moving, moved)
 
     def instance(self, trial: Trial) -> Instance:
         """Return the mechanism at the unknowns of a trial, as ``at`` does; the trial keeps it.
@@ -284,11 +284,10 @@ class Problem:
         """
         if (with_tangents := trial.recalled("tangents", self._moving)) is not None:
             return with_tangents[0]
-        motion = trial.recalled("motion", self._moving)
-        if motion is None:
-            motion = self.moving(trial.x)(trial.runs, trial.substeps)[:, : self.data.position.shape[1]]
-            trial.remember("motion", self._moving, motion)
-        return motion
+        if (motion := trial.recalled("motion", self._moving)) is not None:
+            return motion
+        motion = self.moving(trial.x)(trial.runs, trial.substeps)[:, : self.data.position.shape[1]]
+        return trial.remember("motion", self._moving, motion)
 
     def differences(self, trial: Trial) -> np.ndarray:
         """Compare the measured with the simulated positions.

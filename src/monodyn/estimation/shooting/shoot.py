@@ -30,8 +30,9 @@ NEARER = 0.5
 NEAR_DAMPING = 1e-6
 """First damping where a search goes on that has ended roughly."""
 AS_EXACT = 1.5
-"""How far off derivatives may be, over the root of the decrease at which a search ends. What they are off by
-turns the gradient: it promises a decrease of about half its square for each unknown that does not come."""
+"""How far off derivatives may be, as ``simulate`` has it, over the root of the decrease at which a search
+ends. They turn the gradient, so that for each unknown a decrease is promised that does not come: half the
+square of what they are off by, which is about a third of that measure."""
 MOST_RUNS = 24
 """Pieces by which the integration steps are chosen."""
 ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
@@ -222,10 +223,10 @@ def fit_pieces(
         again = fit_pieces(
             problem, ended.trial, route, nearby, robust=robust, held=held, substeps=start.substeps, exact=True
         )
-        return replace(again, evaluations=again.evaluations + ended.evaluations)
+        ended = replace(again, evaluations=again.evaluations + ended.evaluations)
     # what was exact enough for where it began may not be for where it ended, much nearer to the record
     nearer = route.share > 0.0 and ended.sigma < NEARER * sigma
-    if nearer and _substeps(problem, ended.trial, route) > start.substeps:
+    if nearer and _substeps(problem, ended.trial, route) > ended.trial.substeps:
         again = fit_pieces(problem, ended.trial, route, search, robust=robust, held=held)
         return replace(again, evaluations=again.evaluations + ended.evaluations)
     return ended
