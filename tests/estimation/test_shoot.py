@@ -83,6 +83,21 @@ def test_a_search_ends_where_the_exact_derivatives_lead(poses, double, monkeypat
         assert p.std == pytest.approx(exact[name].std, rel=0.01), name
 
 
+@pytest.mark.parametrize(("decrease", "asked"), [(1e-2, [0.15]), (1e-4, [0.015]), (0.0, [])])
+def test_derivatives_are_as_exact_as_the_end_of_a_search_asks(poses, double, monkeypatch, decrease, asked):
+    allowed = set()
+
+    def counted(*given):
+        allowed.add(given[-1])
+
+    monkeypatch.setattr(variational, "derivatives", counted)
+    problem = posed(double, prepare((poses,), double))
+    start = problem.started(problem.unknowns.x0, cut(problem.data, 10), (smooth(poses),))
+    settings = SearchSettings(evaluations=3, decrease=decrease)
+    fit_pieces(problem, start, Route(10, 1e-5, settings), settings)
+    assert sorted(allowed) == pytest.approx(asked)
+
+
 def test_a_search_that_makes_no_way_goes_on_with_the_exact_derivatives(poses, double, monkeypatch):
     """Along derivatives of the wrong sign no step brings what it promises."""
     exact, right = variational.derivatives, []

@@ -95,6 +95,8 @@ def test_a_bound_out_of_reach_ends_the_doubling() -> None:
         (lambda steps: steps**-3.0, [1, 2, 4, 8, 16], 16),
         # one that is no order of a method is not: every number is tried
         (lambda steps: steps**-2.5, [1, 2, 4, 8, 16, 32, 64], 32),
+        # nor is more taken for granted than the order gives, where what falls falls to a 24th
+        (lambda steps: {1: 0.1252, 2: 5.21e-3, 4: 2.1e-4}.get(steps, 1e-5), [1, 2, 4, 8], 4),
         # what falls at once was not in the range of its order before: it is tried, too
         (lambda steps: {1: 9.0, 2: 3.0, 4: 2e-3, 8: 1e-4, 16: 1e-5}.get(steps, 0.0), [1, 2, 4, 8, 16], 8),
         # nor is what falls once

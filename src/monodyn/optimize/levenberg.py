@@ -193,9 +193,7 @@ def _search(
                 # a step along which the residuals bend that much is too long for the model, bent or not
                 if share <= MOST_BEND:
                     step, local_step = step + 0.5 * more, local_step + 0.5 * local_more
-                # what has met the end of its room is not bent, which tells nothing of the next step
-                met = np.any((step <= room[0]) | (step >= room[1]))
-                curved = np.inf if met else share / length
+                curved = share / length
         at, local_at = np.clip(shared + step, lower, upper), local + local_step
         trial = (yield at, local_at) if np.isfinite(predicted) else None
         evaluations += 1
@@ -203,6 +201,7 @@ def _search(
         # length of step, and the damping may shrink toward a plain Gauss-Newton step.
         gain = (model.cost - trial.cost) / predicted if trial is not None and trial.finite else -np.inf
         damping = _next_damping(damping, gain)
+        # nor does the last bend tell of the next one where the model did not hold
         curved = curved if gain > HOLDS else np.inf
         if gain > LEAST_GAIN and trial is not None:
             shared, local, model = at, local_at, trial
