@@ -14,7 +14,6 @@ import time
 import weakref
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -117,20 +116,6 @@ def test_warnings_that_were_asked_for_are_shown() -> None:
         [sys.executable, "-W", "always", "-c", code, "models"], capture_output=True, text=True
     )
     assert "overflow encountered" in done.stderr
-
-
-def test_compiled_functions_go_to_a_temporary_folder_when_no_other_can_be_written(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "cache"))
-    (tmp_path / "file").write_text("", encoding="utf-8")
-    monkeypatch.setattr(streams.tempfile, "gettempdir", lambda: str(tmp_path))
-    said = streams.keep_compiled()
-    chosen = Path(os.environ["NUMBA_CACHE_DIR"])
-    assert said == (f"no usual folder for compiled functions can be written; they are kept in '{chosen}'.")
-    assert chosen.parent == tmp_path
-    assert chosen.stat().st_mode & 0o077 == 0
-    assert streams.keep_compiled() == ""
 
 
 # Ctrl-C while the program is loaded
@@ -265,69 +250,6 @@ def test_what_a_signal_stops_is_no_error_of_ours_though_nothing_shows_it(
     )
     assert [file.name for file in (tmp_path / "run").iterdir()] == ["run.json"]
     assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "interrupted"
-
-
-def test_what_fails_as_compiled_functions_are_kept_is_an_error_of_ours() -> None:
-    """Only a file that is read can be damaged."""
-    raised = {}
-    for name in ("_load_index", "save_overload"):
-        source = compile(f"def {name}():\n    raise EOFError\n", "/lib/numba/core/caching.py", "exec")
-        there: dict[str, Any] = {}
-        exec(source, there)
-        with pytest.raises(EOFError) as caught:
-            there[name]()
-        raised[name] = caught.value
-    assert errors.is_of_cache(raised["_load_index"])
-    assert not errors.is_unforeseen(raised["_load_index"])
-    assert not errors.is_of_cache(raised["save_overload"])
-    assert errors.is_unforeseen(raised["save_overload"])
-
-
-@pytest.mark.slow
-def test_damaged_files_of_compiled_functions_are_removed(tmp_path: Path) -> None:
-    """Power that fails while they are written leaves such files.
-
-    In a process and with a folder of its own: all that is compiled for what is loaded is removed.
-    """
-    source = tmp_path / "kernels.py"
-    source.write_text("from numba import njit\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n")
-    found = subprocess.run(
-        [sys.executable, "-c", DAMAGED, str(source)],
-        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "compiled")},
-        capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
-    assert found.stderr == (
-        "monodyn: files of compiled functions were damaged (UnpicklingError), and were removed; the next "
-        "command compiles them anew.\n"
-    )
-    assert found.returncode == 2
-
-
-DAMAGED = """
-import importlib.util, os, sys
-from pathlib import Path
-from monodyn.cli import main, show
-
-source = Path(sys.argv[1])
-
-def loaded():
-    spec = importlib.util.spec_from_file_location("monodyn.kernels", source)
-    sys.modules["monodyn.kernels"] = module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.twice
-
-assert loaded()(2) == 4
-kept = [*source.parent.rglob("kernels.twice*.nbi"), *source.parent.rglob("kernels.twice*.nbc")]
-assert len(kept) == 2
-for file in kept:
-    os.truncate(file, 10)
-show.show_models = lambda **_: loaded()(2)
-code = main(["models"])
-assert not any(file.exists() for file in kept)
-assert loaded()(2) == 4
-sys.exit(code)
-"""
-"""Kernels are compiled, their files cut, and loaded by a command."""
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends SIGTERM")
@@ -517,27 +439,3 @@ def test_a_signal_that_comes_as_all_ends_leaves_nothing_behind(monkeypatch: pyte
     assert signal.getsignal(signal.SIGINT) is before
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
     time.sleep(2 * streams.SOON)
-
-
-@pytest.mark.parametrize(
-    ("terminal", "quiet", "compiled", "told"),
-    [
-        (True, False, False, True),
-        (False, False, False, False),
-        (True, True, False, False),
-        (True, False, True, False),
-    ],
-)
-def test_who_waits_for_the_compiler_is_told(
-    terminal: bool, quiet: bool, compiled: bool, told: bool,
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    if compiled:
-        (tmp_path / "mechanism").mkdir()
-        (tmp_path / "mechanism" / "planar.rollouts-1.py311.nbi").touch()
-    assert streams.compiled_before() is compiled
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal, raising=False)
-    assert main(["predict", str(tmp_path / "missing"), *(["--quiet"] if quiet else [])]) == 2
-    said = "functions are compiled at first use, which takes minutes; monodyn warm does it beforehand.\n"
-    assert (said in capsys.readouterr().err) is told

@@ -79,9 +79,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         from monodyn.cli.streams import alone, safe
 
         if argv is None:
-            # MuJoCo draws nothing here, and a way of drawing that this machine lacks would keep it from being
-            # loaded; a program that calls us may draw with it
-            os.environ.pop("MUJOCO_GL", None)
+            # MuJoCo draws nothing here: what it would draw with takes time to load, and where this machine
+            # lacks it keeps MuJoCo from being loaded; a program that calls us may draw with it
+            os.environ["MUJOCO_GL"] = "disable"
             gc.set_threshold(*SELDOM)
         # whoever calls us in a process of their own wants to hear what libraries say
         with alone() if argv is None else nullcontext(), safe():
@@ -117,7 +117,7 @@ def _main(words: list[str], *, own: bool) -> int:
             _fail(str(error))
             return 1 if isinstance(error, FitError) else 2
         if is_of_cache(error):
-            from monodyn.cli.streams import forget_compiled
+            from monodyn.cli.compiled import forget_compiled
 
             forget_compiled()
             _fail(
@@ -157,7 +157,8 @@ def _unforeseen(error: Exception) -> int:
 
 
 def _dispatch(words: list[str], *, own: bool) -> int:
-    from monodyn.cli.streams import compiled_before, keep_compiled, printing
+    from monodyn.cli.compiled import compiled_before, keep_compiled
+    from monodyn.cli.streams import printing
 
     if not words or words[0] in ("-h", "--help", "--help-all", "help", "-V", "--version"):
         import monodyn
@@ -196,6 +197,10 @@ def _dispatch(words: list[str], *, own: bool) -> int:
         from monodyn.cores import share_one_heap
 
         share_one_heap()
+        if words[0] != LISTING:
+            from monodyn.cli.loaded import load_to_call
+
+            load_to_call()
     if compiled_before():
         return options.go()
     if not getattr(options, "quiet", True) and sys.stderr.isatty():
@@ -210,6 +215,8 @@ def _dispatch(words: list[str], *, own: bool) -> int:
 
 SEEING = ("run", "live", "demo", "warm")
 """Commands that need all that is compiled: what sees, and what identifies."""
+LISTING = "models"
+"""The command that computes nothing, and loads no compiled function."""
 NAME = "monodyn: "
 """What a message begins with."""
 MOST_LETTERS = 300 - len(NAME)

@@ -1,0 +1,62 @@
+"""Compiled functions loaded as what is called, without what only the compiler needs of them.
+
+With each function numba keeps the program that was compiled, to put it into functions that are compiled
+later, and parses it whenever the function is loaded. That takes longer than to load what is called, and in an
+ordinary run 80 MB. Here it waits until something is compiled that wants it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import binding
+from numba.core.codegen import JITCodeLibrary
+from numba.core.registry import cpu_target
+
+OBJECT = "object"
+"""How numba names the functions that it keeps as code of the machine."""
+
+
+class CalledLibrary(JITCodeLibrary):
+    """A compiled function whose program is parsed when it is put into another one."""
+
+    _bitcode: bytes | None = None
+
+    @classmethod
+    def _unserialize(cls, codegen: Any, state: tuple[str, str, Any]) -> JITCodeLibrary:
+        name, kind, kept = state
+        if kind != OBJECT:
+            return super()._unserialize(codegen, state)
+        library = codegen.create_library(name)
+        code, library._bitcode = kept
+        library.enable_object_caching()
+        library._set_compiled_object(code)
+        library._finalize_final_module()
+        return library
+
+    def _get_module_for_linking(self) -> Any:
+        if self._bitcode is not None:
+            self._shared_module = binding.parse_bitcode(self._bitcode)
+            self._codegen._engine._load_defined_symbols(self._shared_module)
+            self._bitcode = None
+        return super()._get_module_for_linking()
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return where a function begins.
+
+        Args:
+            name: Its name among the symbols of the library.
+
+        Returns:
+            The address; 0 where there is no such function.
+        """
+        # the names are those of a program that was not parsed
+        if self._bitcode is not None:
+            return self._codegen._engine.get_function_address(name)
+        return super().get_pointer_to_function(name)
+
+
+def load_to_call() -> None:
+    """Have this process load compiled functions as what is called."""
+    context: Any = cpu_target.target_context
+    context.codegen()._library_class = CalledLibrary

@@ -1,0 +1,168 @@
+"""Where compiled functions are kept, and how a process of the command line loads them."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from monodyn import errors
+from monodyn.cli import compiled, main
+
+
+def test_compiled_functions_go_to_a_temporary_folder_when_no_other_can_be_written(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "cache"))
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    monkeypatch.setattr(compiled.tempfile, "gettempdir", lambda: str(tmp_path))
+    said = compiled.keep_compiled()
+    chosen = Path(os.environ["NUMBA_CACHE_DIR"])
+    assert said == (f"no usual folder for compiled functions can be written; they are kept in '{chosen}'.")
+    assert chosen.parent == tmp_path
+    assert chosen.stat().st_mode & 0o077 == 0
+    assert compiled.keep_compiled() == ""
+
+
+def test_what_fails_as_compiled_functions_are_kept_is_an_error_of_ours() -> None:
+    """Only a file that is read can be damaged."""
+    raised = {}
+    for name in ("_load_index", "save_overload"):
+        source = compile(f"def {name}():\n    raise EOFError\n", "/lib/numba/core/caching.py", "exec")
+        there: dict[str, Any] = {}
+        exec(source, there)
+        with pytest.raises(EOFError) as caught:
+            there[name]()
+        raised[name] = caught.value
+    assert errors.is_of_cache(raised["_load_index"])
+    assert not errors.is_unforeseen(raised["_load_index"])
+    assert not errors.is_of_cache(raised["save_overload"])
+    assert errors.is_unforeseen(raised["save_overload"])
+
+
+@pytest.mark.slow
+def test_damaged_files_of_compiled_functions_are_removed(tmp_path: Path) -> None:
+    """Power that fails while they are written leaves such files.
+
+    In a process and with a folder of its own: all that is compiled for what is loaded is removed.
+    """
+    source = tmp_path / "kernels.py"
+    source.write_text("from numba import njit\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n")
+    found = subprocess.run(
+        [sys.executable, "-c", DAMAGED, str(source)],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "compiled")},
+        capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert found.stderr == (
+        "monodyn: files of compiled functions were damaged (UnpicklingError), and were removed; the next "
+        "command compiles them anew.\n"
+    )
+    assert found.returncode == 2
+
+
+DAMAGED = """
+import importlib.util, os, sys
+from pathlib import Path
+from monodyn.cli import main, show
+
+source = Path(sys.argv[1])
+
+def loaded():
+    spec = importlib.util.spec_from_file_location("monodyn.kernels", source)
+    sys.modules["monodyn.kernels"] = module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.twice
+
+assert loaded()(2) == 4
+kept = [*source.parent.rglob("kernels.twice*.nbi"), *source.parent.rglob("kernels.twice*.nbc")]
+assert len(kept) == 2
+for file in kept:
+    os.truncate(file, 10)
+show.show_models = lambda **_: loaded()(2)
+code = main(["models"])
+assert not any(file.exists() for file in kept)
+assert loaded()(2) == 4
+sys.exit(code)
+"""
+"""Kernels are compiled, their files cut, and loaded by a command."""
+
+
+@pytest.mark.parametrize(
+    ("terminal", "quiet", "made", "told"),
+    [
+        (True, False, False, True),
+        (False, False, False, False),
+        (True, True, False, False),
+        (True, False, True, False),
+    ],
+)
+def test_who_waits_for_the_compiler_is_told(
+    terminal: bool, quiet: bool, made: bool, told: bool,
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    if made:
+        (tmp_path / "mechanism").mkdir()
+        (tmp_path / "mechanism" / "planar.rollouts-1.py311.nbi").touch()
+    assert compiled.compiled_before() is made
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal, raising=False)
+    assert main(["predict", str(tmp_path / "missing"), *(["--quiet"] if quiet else [])]) == 2
+    said = "functions are compiled at first use, which takes minutes; monodyn warm does it beforehand.\n"
+    assert (said in capsys.readouterr().err) is told
+
+
+KERNELS = """
+from numba import njit
+
+@njit(cache=True)
+def twice(x):
+    return 2.0 * x
+
+@njit(cache=True)
+def scaled(x, count):
+    for _ in range(count):
+        x = twice(x)
+    return x
+"""
+LOADED = """
+import json, sys
+from numba import njit
+import kernels
+
+if "to call" in sys.argv:
+    from monodyn.cli.loaded import load_to_call
+
+    load_to_call()
+values = [kernels.scaled(3.0, 4)]
+library = kernels.scaled.overloads[kernels.scaled.signatures[0]].library
+loaded, parsed = len(kernels.scaled.stats.cache_hits), [library._shared_module is not None]
+if "into others" in sys.argv:
+    # two that are compiled anew take it into themselves
+    values += [njit(lambda x, n: kernels.scaled(x, n) + 1.0)(5.0, 2), njit(lambda n: kernels.scaled(1.0, n))(3)]
+    parsed.append(library._shared_module is not None)
+print(json.dumps([values, loaded, parsed]))
+"""
+
+
+def test_what_is_loaded_is_parsed_where_it_is_compiled_into_others(tmp_path: Path) -> None:
+    (tmp_path / "kernels.py").write_text(KERNELS)
+    own = {"NUMBA_CACHE_DIR": str(tmp_path / "compiled"), "PYTHONPATH": str(tmp_path)}
+
+    def done(*words: str) -> list[Any]:
+        found = subprocess.run(
+            [sys.executable, "-c", LOADED, *words], env={**os.environ, **own},
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        return json.loads(found.stdout)
+
+    # what was just compiled is there
+    assert done("to call") == [[48.0], 0, [True]]
+    assert done("to call") == [[48.0], 1, [False]]
+    assert done("to call", "into others") == [[48.0, 21.0, 8.0], 1, [False, True]]
+    # as numba loads it, to which the above is the exception
+    assert done() == [[48.0], 1, [True]]
