@@ -143,7 +143,8 @@ library = kernels.scaled.overloads[kernels.scaled.signatures[0]].library
 loaded, parsed = len(kernels.scaled.stats.cache_hits), [library._shared_module is not None]
 if "into others" in sys.argv:
     # two that are compiled anew take it into themselves
-    values += [njit(lambda x, n: kernels.scaled(x, n) + 1.0)(5.0, 2), njit(lambda n: kernels.scaled(1.0, n))(3)]
+    values.append(njit(lambda x, count: kernels.scaled(x, count) + 1.0)(5.0, 2))
+    values.append(njit(lambda count: kernels.scaled(1.0, count))(3))
     parsed.append(library._shared_module is not None)
 print(json.dumps([values, loaded, parsed]))
 """
