@@ -1,8 +1,9 @@
-"""Compiled functions loaded as what is called, without what only the compiler needs of them.
+"""Compiled functions loaded as what is called, without what only the compiler needs.
 
 With each function numba keeps the program that was compiled, to put it into functions that are compiled
 later, and parses it whenever the function is loaded. That takes longer than to load what is called, and in an
-ordinary run 80 MB. Here it waits until something is compiled that wants it.
+ordinary run 80 MB. Before the first one it tells the compiler of everything that it can compile. Here both
+wait until something is compiled.
 """
 
 from __future__ import annotations
@@ -10,8 +11,11 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import binding
+from numba.core import dispatcher
+from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.registry import cpu_target
+from numba.core.runtime.nrt import rtsys
 
 OBJECT = "object"
 """How numba names the functions that it keeps as code of the machine."""
@@ -56,7 +60,28 @@ class CalledLibrary(JITCodeLibrary):
         return super().get_pointer_to_function(name)
 
 
+class CalledCache(FunctionCache):
+    """The files of a function, read without telling the compiler first what it can compile."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what is kept of a function for some types.
+
+        Args:
+            sig: The types.
+            target_context: What it is for.
+
+        Returns:
+            The compiled function; None where there is none, and it is compiled.
+        """
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+
 def load_to_call() -> None:
     """Have this process load compiled functions as what is called."""
     context: Any = cpu_target.target_context
     context.codegen()._library_class = CalledLibrary
+    # what they take memory with
+    rtsys.initialize(context)
+    functions: Any = dispatcher
+    functions.FunctionCache = CalledCache
