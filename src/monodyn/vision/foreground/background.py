@@ -186,13 +186,17 @@ def _uncovered(samples: Samples, covered: Sequence[np.ndarray]) -> Medians:
         planes: Sequence[np.ndarray], hidden: Sequence[np.ndarray], at: np.ndarray, *, noise: bool = True
     ) -> list[np.ndarray]:
         """Return median, noise and count at some of the pixels, each (pixel,)."""
-        rows, columns = np.nonzero(at)
-        parts = []
-        # of a large picture the pixels of all frames would fill the memory
-        for start in range(0, max(len(rows), 1), AT_ONCE):
-            some = rows[start : start + AT_ONCE], columns[start : start + AT_ONCE]
-            stack, masks = (np.stack([one[some] for one in ones])[:, np.newaxis] for ones in (planes, hidden))
-            parts.append([found[0] for found in masked_median(stack, masks, noise)])
+        pixels = np.flatnonzero(at)
+
+        def counted(first: int) -> list[np.ndarray]:
+            some = pixels[first : first + AT_ONCE]
+            stack, masks = (
+                np.stack([one.take(some) for one in ones])[:, np.newaxis] for ones in (planes, hidden)
+            )
+            return [found[0] for found in masked_median(stack, masks, noise)]
+
+        # of a large picture the pixels of all frames at once would fill the memory
+        parts = on_all_cores(counted, range(0, max(len(pixels), 1), AT_ONCE))
         return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
     somewhere = any_of(covered)

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.types import FULL, Mask
 from monodyn.vision.drawing.mismatch import row_balance, row_sums
 from monodyn.vision.foreground.masks import Masks, View, plain_view, planes_for
@@ -220,7 +221,8 @@ def key_frames(masks: Masks, geoms: int) -> KeyFrames:
         One key frame per sample.
     """
     empty = no_frames(masks, masks.view(geoms))
-    frames = replace(empty, frames=tuple(_reduced(masks.of(frame), empty) for frame in masks.samples.frames))
+    made = on_all_cores(lambda frame: _reduced(masks.of(frame), empty), masks.samples.frames)
+    frames = replace(empty, frames=tuple(made))
     by = lacking([frames.shown(frames.frames[row]) for row in frames.most_distinct(JUDGED)])
     return frames if by is None else frames.thickened(by)
 
