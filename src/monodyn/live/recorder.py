@@ -87,7 +87,7 @@ class Recorder:
         with opened(str(self._path), "w", format="mp4", options=options) as container:
             stream, last = None, -1
             while (frame := self._waiting.get()) is not None:
-                picture = VideoFrame.from_ndarray(draw(frame, Drawing(())), format="yuv420p")
+                picture = VideoFrame.from_numpy_buffer(draw(frame, Drawing(())), format="yuv420p")
                 if stream is None:
                     stream = container.add_stream("libx264", rate=30, options=QUALITY)
                     stream.width, stream.height = picture.width, picture.height

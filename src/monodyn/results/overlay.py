@@ -61,6 +61,8 @@ TINTED = 0.6
 """Share of the tint where the foreground covers a whole pixel."""
 LINES = 2
 """Lines of a caption, at most."""
+SMALL = 1_000_000
+"""Size of a picture up to which one thread encodes as fast as they are made, and leaves the others to that [px]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +251,7 @@ def write_overlay(
             offset = begin if 0.0 <= begin <= LATEST else 0.0
             # one is drawn while the one before is encoded
             for done, (time, planes) in enumerate(made_ahead(pictures, 2), start=1):
-                picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
+                picture = av.VideoFrame.from_numpy_buffer(planes, format="yuv420p")
                 # the encoder takes increasing stamps only: two frames in one tick are put one tick apart
                 last = max(last + 1, round(((time - video.times[0]) * slower + offset) * TICKS))
                 picture.pts, picture.time_base = last, Fraction(1, TICKS)
@@ -283,6 +285,8 @@ def _film_stream(container: Any, video: Video) -> Any:
     stream.width, stream.height = video.width + video.width % 2, video.height + video.height % 2
     stream.pix_fmt = "yuv420p"
     stream.codec_context.time_base = Fraction(1, TICKS)
+    if video.width * video.height <= SMALL:
+        stream.codec_context.thread_count = 1
     return stream
 
 
