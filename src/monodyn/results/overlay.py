@@ -62,7 +62,7 @@ TINTED = 0.6
 LINES = 2
 """Lines of a caption, at most."""
 SMALL = 1_000_000
-"""Size of a picture up to which one thread encodes as fast as they are made, and leaves the others to that [px]."""
+"""Size of a picture up to which one thread encodes them as fast as they are made, beside that [px]."""
 
 
 @dataclass(frozen=True, eq=False)
