@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -46,7 +47,7 @@ def step_document(step: Step) -> dict[str, Any]:
         "said": step.said,
         "error": None if pose is None or not len(step.error) else _by_joint(pose.joints, step.error),
         "latency": _finite(step.latency),
-        "fresh": None if step.fresh is None else _finite(step.fresh),
+        "fresh": _finite(step.fresh),
         "skipped": step.skipped,
     }
 
@@ -95,6 +96,7 @@ def _parameters(fit: Fit) -> dict[str, dict[str, Any]]:
     return {row["name"]: {n: _finite(row[n]) for n in numbers} | {"unit": row["unit"]} for row in rows}
 
 
+@lru_cache(maxsize=4)
 def _future(fit: Fit, future: Prediction | None) -> list[dict[str, Any]]:
     """Return rows of the prediction at about equal distances, the first and the last among them."""
     if future is None:
@@ -102,13 +104,10 @@ def _future(fit: Fit, future: Prediction | None) -> list[dict[str, Any]]:
     joints = [joint.name for joint in fit.mechanism.joints]
     count = len(future.time)
     rows = np.unique(np.linspace(0, count - 1, min(count, MOST_AHEAD)).round().astype(int))
+    parts = (future.time[rows].tolist(), future.position[rows].tolist(), future.std[rows].tolist())
     return [
-        {
-            "time": _finite(future.time[row]),
-            "position": _by_joint(joints, future.position[row]),
-            "std": _by_joint(joints, future.std[row]),
-        }
-        for row in rows.tolist()
+        {"time": _finite(time), "position": _named(joints, position), "std": _named(joints, std)}
+        for time, position, std in zip(*parts, strict=True)
     ]
 
 
@@ -117,10 +116,15 @@ def _std(pose: Poses) -> np.ndarray:
     return np.sqrt(np.maximum(np.diagonal(pose.covariance[0]), 0.0))
 
 
-def _by_joint(joints: Any, values: np.ndarray) -> dict[str, float | None]:
-    return {joint: _finite(value) for joint, value in zip(joints, np.asarray(values).tolist(), strict=True)}
+def _by_joint(joints: Sequence[str], values: np.ndarray) -> dict[str, float | None]:
+    """Return a number for each joint, (dof,), by its name."""
+    return _named(joints, values.tolist())
 
 
-def _finite(value: Any) -> float | None:
+def _named(joints: Sequence[str], values: list[float]) -> dict[str, float | None]:
+    return {joint: _finite(value) for joint, value in zip(joints, values, strict=True)}
+
+
+def _finite(value: float | None) -> float | None:
     """Return a number, None where it is none or has no end."""
     return float(value) if value is not None and math.isfinite(value) else None

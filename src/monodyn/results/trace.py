@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -254,23 +254,20 @@ def metric(poses: Poses, mechanism: Mechanism, scale: float, common: Common | No
         scale: Metres per unit of the start scale.
         common: Errors that the positions have in common, which are taken off; None for none.
     """
+    position, shifts = poses.position, poses.shifts
+    changed: dict[str, Any] = {}
     if poses.roll is not None:
-        more = by_roll(mechanism) * (mechanism.values[ROLL] - poses.roll)
-        poses = replace(poses, position=poses.position + more, roll=None)
-    if common is not None and poses.shifts is not None and not poses.cleared:
-        off = np.tensordot(common.mean, poses.shifts, axes=1)
-        left = np.tensordot(common.root.T, poses.shifts, axes=1)
-        poses = replace(poses, position=poses.position - off, shifts=left, cleared=True)
-    if poses.metric:
-        return poses
-    factor = in_metres(mechanism, scale)
-    return replace(
-        poses,
-        position=poses.position * factor,
-        covariance=poses.covariance * np.outer(factor, factor),
-        shifts=None if poses.shifts is None else poses.shifts * factor,
-        metric=True,
-    )
+        position = position + by_roll(mechanism) * (mechanism.values[ROLL] - poses.roll)
+        changed["roll"] = None
+    if common is not None and shifts is not None and not poses.cleared:
+        position = position - np.tensordot(common.mean, shifts, axes=1)
+        shifts = np.tensordot(common.root.T, shifts, axes=1)
+        changed["cleared"] = True
+    if not poses.metric:
+        factor = in_metres(mechanism, scale)
+        position, shifts = position * factor, None if shifts is None else shifts * factor
+        changed |= {"covariance": poses.covariance * np.outer(factor, factor), "metric": True}
+    return replace(poses, position=position, shifts=shifts, **changed) if changed else poses
 
 
 def shared_errors(poses: Poses, mechanism: Mechanism) -> np.ndarray | None:
