@@ -68,6 +68,8 @@ def _is_frozen(values: object, dtype: type) -> TypeGuard[np.ndarray]:
 
 
 def _copied(values: object, dtype: type) -> np.ndarray:
+    if dtype is np.float64:
+        return np.array(values, dtype=dtype, order="C")
     # what is no whole number where one is wanted
     with np.errstate(invalid="raise"):
         return np.array(values, dtype=dtype, order="C")

@@ -14,7 +14,7 @@ from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.locating import oblique
 from monodyn.vision.locating.advice import twin_advice
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
-from monodyn.vision.locating.doubt import doubt_of, edge_errors
+from monodyn.vision.locating.doubt import doubt_of, edge_turns
 from monodyn.vision.locating.oblique import Looking, from_other_sides, looking, open_turns, with_camera
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.variables import scene_variables
@@ -233,7 +233,7 @@ def test_edges_that_are_off_turn_one_link_each(tmp_path) -> None:
     names, signs = [j.name for j in mechanism.joints], np.array([j.sign for j in mechanism.joints])
     assert names == ["a", "b", "s", "c"]
     position = np.random.default_rng(0).uniform(-2.0, 2.0, (9, 4))
-    moved = edge_errors(mechanism, position, 1e-3)
+    moved = edge_turns(mechanism, 1e-3).at(position)
     assert not moved[:, :, 2].any()
     turned = np.cumsum(moved * np.where(np.array(names) == "s", 0.0, signs), axis=2)[:, :, [0, 1, 3]]
     # each direction turns one link alone, the three in turn by five waves each

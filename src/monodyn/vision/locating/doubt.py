@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -64,12 +65,16 @@ class Doubt:
         Returns:
             What is added to the positions, (direction, frame, dof).
         """
-        camera, unit = self.bundle.camera, np.where(slides, self.metre, 1.0)
+        unit = np.where(slides, self.metre, 1.0)
         gains = pose_gains(*self._turned, position * unit)
         moved = np.einsum("fdp,pk->kfd", gains, self.root) / unit
-        px = camera.focal / camera.depth
-        edges = edge_errors(self.bundle.mechanism, position, self.bundle.systematic_px / px)
-        return np.concatenate((moved, edges))
+        return np.concatenate((moved, self._edges.at(position)))
+
+    @cached_property
+    def _edges(self) -> EdgeTurns:
+        """What edges that are off everywhere do to the poses."""
+        px = self.bundle.camera.focal / self.bundle.camera.depth
+        return edge_turns(self.bundle.mechanism, self.bundle.systematic_px / px)
 
     @cached_property
     def _turned(self) -> tuple[Rig, Shifts]:
@@ -78,7 +83,38 @@ class Doubt:
         return shifted_rigs(variables, variables.read(mechanism, camera), mechanism, camera, 1.0)
 
 
-def edge_errors(mechanism: Mechanism, position: np.ndarray, off: float) -> np.ndarray:
+class EdgeTurns(NamedTuple):
+    """How edges that are off turn links, wave by wave: each a harmonic of where a link points.
+
+    Attributes:
+        pointing: By how much each joint turns each link, (dof, dof).
+        link: The link of each wave, int (direction,).
+        harmonic: Its harmonic, (direction,).
+        phase: 0 for its cosine, a quarter of a turn before that for its sine [rad], (direction,).
+        turn: By how much it turns each joint, (direction, dof).
+    """
+
+    pointing: np.ndarray
+    link: np.ndarray
+    harmonic: np.ndarray
+    phase: np.ndarray
+    turn: np.ndarray
+
+    def at(self, position: np.ndarray) -> np.ndarray:
+        """Return by how much each wave turns the joints of some poses.
+
+        Args:
+            position: Joint positions [rad or m], (frame, dof).
+
+        Returns:
+            The turns [rad], (direction, frame, dof); none at slides.
+        """
+        angle = position @ self.pointing.T
+        wave = np.cos(self.harmonic * angle[:, self.link] - self.phase)
+        return wave.T[:, :, np.newaxis] * self.turn[:, np.newaxis]
+
+
+def edge_turns(mechanism: Mechanism, off: float) -> EdgeTurns:
     """Return what edges that are off do to poses, whatever the scene is.
 
     They are off in the same way whenever a link points in the same direction: its ends are, so that it seems
@@ -86,40 +122,39 @@ def edge_errors(mechanism: Mechanism, position: np.ndarray, off: float) -> np.nd
 
     Args:
         mechanism: The mechanism.
-        position: Joint positions [rad or m], (frame, dof).
         off: Standard deviation of the place of an edge [m].
-
-    Returns:
-        One deviation of each of them [rad], (direction, frame, dof); none at slides.
     """
-    values, parents = mechanism.values, mechanism.tree.parent.tolist()
-    pointing, inward, found = np.zeros_like(position), [], []
-    for i, joint in enumerate(mechanism.joints):
+    values, parents, joints = mechanism.values, mechanism.tree.parent.tolist(), mechanism.joints
+    count = len(joints)
+    pointing, inward = np.zeros((count, count)), []
+    for i, joint in enumerate(joints):
         at = parents[i]
-        pointing[:, i] = pointing[:, at] if at >= 0 else 0.0
-        pointing[:, i] += joint.sign * position[:, i] * (joint.kind == "hinge")
+        if at >= 0:
+            pointing[i] = pointing[at]
+        pointing[i, i] = joint.sign * (joint.kind == "hinge")
         # the hinge that a link's angle counts from: slides between do not turn
-        while at >= 0 and mechanism.joints[at].kind != "hinge":
+        while at >= 0 and joints[at].kind != "hinge":
             at = parents[at]
         inward.append(at)
-    for i, joint in enumerate(mechanism.joints):
+    waves: list[tuple[int, int, float]] = []
+    turns: list[np.ndarray] = []
+    for i, joint in enumerate(joints):
         length = values.get(f"{joint.body}.length", 0.0)
         if joint.kind != "hinge" or length <= 0.0:
             continue
-        std = np.sqrt(2.0 / len(HARMONICS)) * off / length
-        for wave in (w for k in HARMONICS for w in _waves(k, pointing[:, i])):
-            moved = np.zeros_like(position)
-            moved[:, i] = joint.sign * std * wave
-            for k, child in enumerate(mechanism.joints):
-                if inward[k] == i and child.kind == "hinge":
-                    moved[:, k] = -child.sign * std * wave
-            found.append(moved)
-    return np.array(found).reshape(-1, *position.shape)
-
-
-def _waves(harmonic: int, angle: np.ndarray) -> list[np.ndarray]:
-    """Return what is the same whenever an angle is, by its harmonic, each (frame,)."""
-    return [np.cos(harmonic * angle), np.sin(harmonic * angle)][: 2 if harmonic else 1]
+        turn = np.zeros(count)
+        turn[i] = joint.sign
+        for k, child in enumerate(joints):
+            if inward[k] == i and child.kind == "hinge":
+                turn[k] = -child.sign
+        turn *= np.sqrt(2.0 / len(HARMONICS)) * off / length
+        for harmonic in HARMONICS:
+            # what does not come back while a link turns is the same wherever it points
+            for phase in (0.0, 0.5 * np.pi)[: 2 if harmonic else 1]:
+                waves.append((i, harmonic, phase))
+                turns.append(turn)
+    link, harmonic, phase = np.array(waves).reshape(-1, 3).T
+    return EdgeTurns(pointing, link.astype(np.int64), harmonic, phase, np.array(turns).reshape(-1, count))
 
 
 def _filled(poses: Poses) -> np.ndarray:
