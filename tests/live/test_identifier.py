@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,6 +13,7 @@ from fits import identified
 from lives import double
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.live.identifier import Cut, Identifier
+from monodyn.live.record import Record, joined
 from monodyn.live.settings import LiveSettings
 from monodyn.types import Poses
 
@@ -70,6 +72,43 @@ def test_why_a_motion_begins_anew_is_known(begun):
     identifier = begun()
     identifier.take(rows(45, 46), broken=True)
     assert identifier.cut == Cut(45 / RATE, "stamps")
+
+
+def test_poses_that_come_together_count_as_one_after_the_other(begun):
+    """Behind what was followed while the mechanism was looked for, gaps and all."""
+    together = joined(
+        [rows(45, 60), rows(60, 100, seen=False), rows(100, 120), rows(160, 170), rows(170, 180, seen=False)]
+    )
+    at_once, each = begun(together), begun()
+    # as while it begins
+    each._begun = -math.inf
+    for k in range(len(together)):
+        each._recorded(together[k : k + 1])
+    for identifier in (at_once, each):
+        identifier.take(rows(195, 196))
+    assert at_once.cut == each.cut == Cut(160 / RATE, "searching")
+    for time, after in ((0.0, False), (100 / RATE, False), (100 / RATE, True), (6.5, True), (7.0, False)):
+        one, other = (identifier.record.since(time, after=after) for identifier in (at_once, each))
+        assert (one is None) == (other is None)
+        assert one is None or one.frame.tolist() == other.frame.tolist()
+    for name in ("frame", "time", "position", "seen"):
+        one, other = (getattr(identifier.record.whole, name) for identifier in (at_once, each))
+        np.testing.assert_array_equal(one, other)
+
+
+def test_the_record_keeps_what_moves_all_positions_for_a_while_and_the_rest_for_good():
+    record = Record(2.0)
+    record.add(rows(0, 30))
+    for k in range(30, 150):
+        record.add(rows(k, k + 1))
+    recent, last, whole = record.since(0.0), record.last, record.whole
+    assert recent is not None
+    assert last is not None
+    assert whole is not None
+    assert recent.frame.tolist() == list(range(89, 150))
+    assert last.frame.tolist() == [149]
+    assert whole.frame.tolist() == list(range(150))
+    np.testing.assert_allclose(whole.position, rows(0, 150).position)
 
 
 def test_verdict_and_status_are_those_of_the_fit_that_the_estimate_rests_on(begun):

@@ -111,8 +111,7 @@ class Identifier:
         self._moved = np.nanstd(found.poses.position, axis=0)
         self._take_up(Reviewed(found.fit, begun.horizon, float(found.poses.time[-1])))
         if begun.later is not None:
-            for row in range(len(begun.later)):
-                self._recorded(begun.later[row : row + 1])
+            self._recorded(begun.later)
         self._begun, self.estimate = self._seen, begun.estimate
 
     def take(self, pose: Poses, *, broken: bool = False) -> None:
@@ -137,14 +136,20 @@ class Identifier:
         if self._in_order:
             self._wait_for_all()
 
-    def _recorded(self, pose: Poses, *, broken: bool = False) -> None:
-        """Record a pose; no motion goes on across a break, or while it is out of sight for long."""
-        now = float(pose.time[0])
-        if pose.measured.any():
+    def _recorded(self, poses: Poses, *, broken: bool = False) -> None:
+        """Record poses; no motion goes on across a break, or while it is out of sight for long."""
+        done = 0
+        for row in np.flatnonzero(poses.measured.any(axis=1)).tolist():
+            now = float(poses.time[row])
             if broken or now - self._seen > LONGEST_GAP:
+                # what came before tells why
+                if done < row:
+                    self.record.add(poses[done:row])
+                    done = row
                 self._cut_off(now, "stamps" if broken else self._gap())
+                broken = False
             self._seen = now
-        self.record.add(pose)
+        self.record.add(poses[done:] if done else poses)
 
     def _gap(self) -> Why:
         """Return why nothing was seen since it was seen last."""

@@ -12,14 +12,15 @@ from monodyn.types import Poses
 
 
 class Record:
-    """Takes poses row by row.
+    """Takes poses as they come.
 
     Args:
-        seconds: How long a row is kept with what moves all positions together.
+        seconds: How long rows are kept with what moves all positions together.
     """
 
     def __init__(self, seconds: float) -> None:
         self._seconds = seconds
+        # parts with the rows that came together
         self._recent: deque[Poses] = deque()
         self._numbers = array("d")
         self._kind: Poses | None = None
@@ -28,22 +29,20 @@ class Record:
         """Take the next rows.
 
         Args:
-            poses: Rows after all before.
+            poses: Rows after all before, at least one.
         """
         self._kind = poses
-        joints = poses.measured
-        for row in range(len(poses)):
-            self._recent.append(poses[row : row + 1])
-            for part in (poses.frame[row], poses.time[row], joints[row], poses.position[row]):
-                self._numbers.extend(np.ravel(part).astype(float))
-            self._numbers.extend(np.ravel(poses.covariance[row]))
-        while self._recent[-1].time[0] - self._recent[0].time[0] > self._seconds:
+        self._recent.append(poses)
+        columns = (poses.frame[:, np.newaxis], poses.time[:, np.newaxis], poses.measured, poses.position)
+        table = np.hstack([*columns, poses.covariance.reshape(len(poses), -1)])
+        self._numbers.frombytes(table.astype(np.float64).tobytes())
+        while poses.time[-1] - self._recent[0].time[-1] > self._seconds:
             self._recent.popleft()
 
     @property
     def last(self) -> Poses | None:
         """The last row; None where there is none."""
-        return self._recent[-1] if self._recent else None
+        return self._recent[-1][-1:] if self._recent else None
 
     def since(self, time: float, *, after: bool = False) -> Poses | None:
         """Return the rows from a time on; None where there are none.
@@ -52,8 +51,12 @@ class Record:
             time: The time [s].
             after: Leave out a row of just that time.
         """
-        rows = [row for row in self._recent if row.time[0] > time or (row.time[0] == time and not after)]
-        return joined(rows) if rows else None
+        parts = []
+        for part in self._recent:
+            first = int(np.searchsorted(part.time, time, side="right" if after else "left"))
+            if first < len(part):
+                parts.append(part[first:] if first else part)
+        return joined(parts) if parts else None
 
     @property
     def whole(self) -> Poses | None:
