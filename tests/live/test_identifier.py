@@ -111,6 +111,30 @@ def test_the_record_keeps_what_moves_all_positions_for_a_while_and_the_rest_for_
     np.testing.assert_allclose(whole.position, rows(0, 150).position)
 
 
+def test_where_poses_are_late_identification_rests_for_as_long_as_it_took(begun, monkeypatch):
+    handed, now = [], [0.0]
+    monkeypatch.setattr("monodyn.live.identifier.time", SimpleNamespace(perf_counter=lambda: now[0]))
+    identifier = begun()
+    identifier._horizon = SimpleNamespace(add=lambda poses: handed.append(poses.frame.tolist()))
+
+    def taken(frame: int, at: float, *, late: bool) -> None:
+        # what was handed over before is done by then
+        if identifier._estimating is not None:
+            identifier._estimating.result()
+        now[0] = at
+        identifier.take(rows(frame, frame + 1), late=late)
+
+    taken(45, 0.0, late=True)
+    # a second was spent on the first one
+    for frame, at in ((46, 1.0), (47, 1.5), (48, 1.9), (49, 2.0)):
+        taken(frame, at, late=True)
+    # without delay there is no rest
+    for frame in (50, 51):
+        taken(frame, 3.0, late=False)
+    identifier.settle(lambda job: job.result())
+    assert handed == [[45], [46, 47, 48, 49], [50], [51]]
+
+
 def test_verdict_and_status_are_those_of_the_fit_that_the_estimate_rests_on(begun):
     """A stretch that was identified anew counts from the first frame that is identified with it."""
     identifier = begun()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
@@ -91,6 +92,7 @@ class Identifier:
         self._review: Future[Reviewed] | None = None
         self._seen, self._astray, self._moved = -math.inf, -math.inf, np.zeros(0)
         self._fresh = False
+        self._handed, self._rests = -math.inf, -math.inf
         self.cut, self._next, self._begun = Cut(-math.inf), math.inf, -math.inf
 
     @property
@@ -114,12 +116,14 @@ class Identifier:
             self._recorded(begun.later)
         self._begun, self.estimate = self._seen, begun.estimate
 
-    def take(self, pose: Poses, *, broken: bool = False) -> None:
+    def take(self, pose: Poses, *, broken: bool = False, late: bool = False) -> None:
         """Take the next pose, and identify with it as soon as the one before is done.
 
         Args:
             pose: One row.
             broken: True where it is not known how much time has passed since the one before.
+            late: True where poses come later than frames: then what identifies rests for as long as it has
+                worked, which leaves the interpreter to what follows.
         """
         now = float(pose.time[0])
         if broken:
@@ -131,7 +135,8 @@ class Identifier:
         if self._horizon is not None:
             self._pending.append(pose)
         self._collect()
-        self._submit()
+        if not late or time.perf_counter() >= self._rests:
+            self._submit()
         self._look_again(now)
         if self._in_order:
             self._wait_for_all()
@@ -188,12 +193,15 @@ class Identifier:
         if self._horizon is None or self._estimating is not None or not self._pending:
             return
         rows, self._pending = joined(self._pending), []
+        self._handed = time.perf_counter()
         self._estimating = self._quick.submit(self._horizon.add, rows)
 
     def _collect(self) -> None:
         """Take what the workers have finished."""
         if self._estimating is not None and self._estimating.done():
             found, self._estimating = self._estimating.result(), None
+            now = time.perf_counter()
+            self._rests = now + (now - self._handed)
             # where nothing is seen the prediction goes on
             self.estimate, self._fresh = found or self.estimate, found is not None
             if found is not None and found.astray:
