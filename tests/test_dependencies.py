@@ -17,7 +17,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 
 PACKAGES = {"mujoco": "mujoco-core", "cv2": "opencv-python-headless"}
 """Packages that are not called as what is imported of them."""
-BESIDE = {"markupsafe": "jinja2"}
+BESIDE = {"markupsafe": "jinja2", "llvmlite": "numba"}
 """What comes with a package that is declared."""
 EXTRAS = {
     "scipy": ("control", "paper"),

@@ -68,9 +68,9 @@ def is_of_cache(error: BaseException) -> bool:
     """
     codes = (frame.f_code for frame, _ in walk_tb(error.__traceback__))
     return not isinstance(error, MemoryError | OSError) and any(
-        Path(code.co_filename).parts[-3:] == ("numba", "core", "caching.py")
-        and code.co_name.lstrip("_").startswith("load")
-        for code in codes
+        (Path(code.co_filename).parts[-3:] == ("numba", "core", "caching.py") and name.startswith("load"))
+        or (Path(code.co_filename).parts[-3:] == ("monodyn", "cli", "loaded.py") and name == "parse")
+        for code, name in ((code, code.co_name.lstrip("_")) for code in codes)
     )
 
 

@@ -45,8 +45,24 @@ def test_what_fails_as_compiled_functions_are_kept_is_an_error_of_ours() -> None
     assert errors.is_unforeseen(raised["save_overload"])
 
 
+def test_a_damaged_program_is_that_of_a_compiled_function() -> None:
+    """It is parsed where it is compiled into another function, and not where it is read."""
+    from numba.core.registry import cpu_target
+
+    from monodyn.cli.loaded import CalledLibrary
+
+    context: Any = cpu_target.target_context
+    library = CalledLibrary(context.codegen(), "damaged")
+    library._bitcode = bytes(64)
+    with pytest.raises(RuntimeError) as caught:
+        library._get_module_for_linking()
+    assert errors.is_of_cache(caught.value)
+    assert not errors.is_unforeseen(caught.value)
+
+
 @pytest.mark.slow
-def test_damaged_files_of_compiled_functions_are_removed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("how", ["as numba does", "to call"])
+def test_damaged_files_of_compiled_functions_are_removed(how: str, tmp_path: Path) -> None:
     """Power that fails while they are written leaves such files.
 
     In a process and with a folder of its own: all that is compiled for what is loaded is removed.
@@ -54,7 +70,7 @@ def test_damaged_files_of_compiled_functions_are_removed(tmp_path: Path) -> None
     source = tmp_path / "kernels.py"
     source.write_text("from numba import njit\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n")
     found = subprocess.run(
-        [sys.executable, "-c", DAMAGED, str(source)],
+        [sys.executable, "-c", DAMAGED, str(source), how],
         env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "compiled")},
         capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
@@ -71,6 +87,10 @@ from pathlib import Path
 from monodyn.cli import main, show
 
 source = Path(sys.argv[1])
+if sys.argv[2] == "to call":
+    from monodyn.cli.loaded import load_to_call
+
+    load_to_call()
 
 def loaded():
     spec = importlib.util.spec_from_file_location("monodyn.kernels", source)

@@ -35,6 +35,23 @@ def estimates() -> list[Estimate]:
     return [estimate for estimate in found if estimate is not None]
 
 
+def test_a_motion_does_not_go_on_across_a_gap_in_what_comes_together() -> None:
+    times, truth, started = np.arange(120) / 30.0, double_truth(), load("double").with_choices(fix=FIXED)
+    rows = record(truth, times, motion(truth, times, [0.3, 0.5], [0.0, 1.0]))
+    fit = identify(rows[:BEGUN], started, IdentifySettings(torque="friction"))
+    # what was lost for longer than a second, and another motion after it
+    rows = replace(rows, time=np.where(times < 2.4, times, times + 2.0))
+    at_once, each = (Horizon(fit, started, rows[:BEGUN], window=1.5, ahead=0.5) for _ in range(2))
+    after = int(np.searchsorted(times, 2.4))
+    each.add(rows[BEGUN:after])
+    wanted, found = each.add(rows[after:]), at_once.add(rows[BEGUN:])
+    assert wanted is not None
+    assert found is not None
+    assert found.time.tolist() == wanted.time.tolist()
+    assert found.time[0] >= rows.time[after]
+    np.testing.assert_array_equal(found.found.x, wanted.found.x)
+
+
 def test_every_frame_ends_at_its_optimum(estimates: list[Estimate]) -> None:
     truth = double_truth()
     for estimate in estimates:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,6 +16,7 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.live.identifier import Cut, Identifier
 from monodyn.live.record import Record, joined
 from monodyn.live.settings import LiveSettings
+from monodyn.live.stream import Session
 from monodyn.types import Poses
 
 RATE = 30.0
@@ -87,8 +89,8 @@ def test_poses_that_come_together_count_as_one_after_the_other(begun):
     for identifier in (at_once, each):
         identifier.take(rows(195, 196))
     assert at_once.cut == each.cut == Cut(160 / RATE, "searching")
-    for time, after in ((0.0, False), (100 / RATE, False), (100 / RATE, True), (6.5, True), (7.0, False)):
-        one, other = (identifier.record.since(time, after=after) for identifier in (at_once, each))
+    for since, after in ((0.0, False), (100 / RATE, False), (100 / RATE, True), (6.5, True), (7.0, False)):
+        one, other = (identifier.record.since(since, after=after) for identifier in (at_once, each))
         assert (one is None) == (other is None)
         assert one is None or one.frame.tolist() == other.frame.tolist()
     for name in ("frame", "time", "position", "seen"):
@@ -111,28 +113,84 @@ def test_the_record_keeps_what_moves_all_positions_for_a_while_and_the_rest_for_
     np.testing.assert_allclose(whole.position, rows(0, 150).position)
 
 
-def test_where_poses_are_late_identification_rests_for_as_long_as_it_took(begun, monkeypatch):
-    handed, now = [], [0.0]
-    monkeypatch.setattr("monodyn.live.identifier.time", SimpleNamespace(perf_counter=lambda: now[0]))
-    identifier = begun()
-    identifier._horizon = SimpleNamespace(add=lambda poses: handed.append(poses.frame.tolist()))
+class Estimating:
+    """In place of a horizon: what it was given, by the clock that it sets forward."""
 
-    def taken(frame: int, at: float, *, late: bool) -> None:
-        # what was handed over before is done by then
+    def __init__(self, now: list[float]) -> None:
+        self.given: list[list[int]] = []
+        self.now, self.takes = now, 0.0
+
+    def add(self, poses: Poses) -> None:
+        self.given.append(poses.frame.tolist())
+        self.now[0] += self.takes
+
+    def broken_off(self) -> Estimating:
+        self.given.append([])
+        return self
+
+
+@pytest.fixture
+def estimating(begun, monkeypatch):
+    """Return an identifier, what estimates for it, and a way to take a frame once all before is done."""
+    now = [0.0]
+    monkeypatch.setattr("monodyn.live.identifier.time", SimpleNamespace(perf_counter=lambda: now[0]))
+    identifier, horizon = begun(), Estimating(now)
+    identifier._horizon = horizon
+
+    def taken(frame: int, at: float, **how: bool) -> None:
         if identifier._estimating is not None:
             identifier._estimating.result()
         now[0] = at
-        identifier.take(rows(frame, frame + 1), late=late)
+        identifier.take(rows(frame, frame + 1), **how)
 
-    taken(45, 0.0, late=True)
-    # a second was spent on the first one
-    for frame, at in ((46, 1.0), (47, 1.5), (48, 1.9), (49, 2.0)):
+    return identifier, horizon, taken
+
+
+def test_where_poses_are_late_identification_rests_for_as_long_as_it_took(estimating):
+    identifier, horizon, taken = estimating
+    horizon.takes = 1.0
+    # the first one is done at 1, however much later that is looked at
+    for frame, at in ((45, 0.0), (46, 1.2), (47, 1.9), (48, 2.0)):
         taken(frame, at, late=True)
     # without delay there is no rest
-    for frame in (50, 51):
-        taken(frame, 3.0, late=False)
+    for frame in (49, 50):
+        taken(frame, 3.1, late=False)
     identifier.settle(lambda job: job.result())
-    assert handed == [[45], [46, 47, 48, 49], [50], [51]]
+    assert horizon.given == [[45], [46, 47, 48], [49], [50]]
+
+
+def test_what_waits_when_the_clock_breaks_is_of_the_motion_before(estimating):
+    identifier, horizon, taken = estimating
+    horizon.takes = 1.0
+    taken(45, 0.0, late=True)
+    taken(46, 1.5, late=True)
+    taken(47, 1.6, late=True, broken=True)
+    taken(48, 3.0)
+    identifier.settle(lambda job: job.result())
+    assert horizon.given == [[45], [46], [], [47, 48]]
+
+
+@pytest.mark.parametrize(
+    ("live", "after", "late"), [(True, 0.5, True), (True, 0.0, False), (False, 0.5, False)]
+)
+def test_poses_are_late_where_the_next_frame_is_there_before_them(live: bool, after: float, late: bool):
+    """Of a source that does not wait alone: the same frames of another one give the same numbers."""
+    told: list[Any] = []
+    identifier: Any = SimpleNamespace(
+        take=lambda pose, **how: told.append(how), settle=lambda wait: told.append("settled"),
+        estimate=None, base=None,
+    )  # fmt: skip
+    frame = SimpleNamespace(index=2, time=0.2)
+    session: Any = SimpleNamespace(
+        source=SimpleNamespace(live=live), last=SimpleNamespace(time=0.1), identifier=identifier, found=None,
+        _clock=SimpleNamespace(take=lambda frame: (frame, False)), _expected=lambda time: None,
+        _tracker=SimpleNamespace(follow=lambda frame, expected: rows(2, 3)), _phase="following",
+        _feed=SimpleNamespace(waits=None, skipped=0), _sentence=lambda pose: "",
+        _foreseen=SimpleNamespace(add=lambda pose, estimate: np.zeros(0)),
+    )  # fmt: skip
+    arrival: Any = SimpleNamespace(frame=frame, at=time.perf_counter() - after)
+    Session._step(session, arrival)
+    assert told == [{"broken": False, "late": late}, *([] if late else ["settled"])]
 
 
 def test_verdict_and_status_are_those_of_the_fit_that_the_estimate_rests_on(begun):

@@ -23,6 +23,7 @@ from monodyn.results.overlay import (
     Drawing,
     DrawnMotion,
     draw,
+    encoded_picture,
     still,
     write_overlay,
 )
@@ -86,6 +87,16 @@ def test_odd_sizes_are_made_even_by_repeating_the_edge() -> None:
 def test_still_is_a_picture_of_the_frame_size() -> None:
     picture = cv2.imdecode(np.frombuffer(still(grey(95, 127), Drawing([(BOX, PREDICTED)])), np.uint8), 1)
     assert picture.shape == (95, 127, 3)
+
+
+@pytest.mark.parametrize("size", [(64, 48), (62, 50), (61, 49), (64, 2), (854, 482)])
+def test_an_encoder_takes_what_was_drawn_in_every_size(size: tuple[int, int]) -> None:
+    """PyAV takes planes without a copy, but of chroma planes with an odd number of rows."""
+    width, height = (side + side % 2 for side in size)
+    planes = np.random.default_rng(0).integers(16, 236, (height * 3 // 2, width), dtype=np.uint8)
+    picture = encoded_picture(planes)
+    assert (picture.width, picture.height) == (width, height)
+    np.testing.assert_array_equal(picture.to_ndarray(), planes)
 
 
 def test_film_keeps_the_stamps_and_the_size(make_clip: ClipMaker, tmp_path: Path) -> None:

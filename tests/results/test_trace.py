@@ -77,6 +77,23 @@ def test_what_positions_have_in_common_is_taken_off_once() -> None:
     assert metric(found, mechanism, 1.0, common) is found
 
 
+def test_roll_common_errors_and_scale_are_taken_off_together_as_one_after_the_other() -> None:
+    mechanism, rng = load("cartpole"), np.random.default_rng(0)
+    joints = tuple(joint.name for joint in mechanism.joints)
+    poses = Poses(
+        joints, np.arange(4), np.arange(4.0), rng.normal(size=(4, 2)), np.tile(np.eye(2), (4, 1, 1)),
+        np.ones(4, bool), metric=False, roll=0.1, shifts=rng.normal(size=(3, 4, 2)),
+    )  # fmt: skip
+    common = Common(np.array([0.1, -0.2, 0.3]), np.diag([0.5, 0.6, 0.7]))
+    found = metric(poses, mechanism, 0.5, common)
+    upright = metric(replace(poses, metric=True, cleared=True), mechanism, 1.0)
+    clear = metric(replace(upright, cleared=False), mechanism, 1.0, common)
+    wanted = metric(replace(clear, metric=False), mechanism, 0.5)
+    assert (upright.roll, clear.cleared, found.roll, found.cleared) == (None, True, None, True)
+    for name in ("position", "covariance", "shifts"):
+        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name))
+
+
 def test_shared_errors_are_those_of_sizes_and_roll() -> None:
     """However they are turned, their covariance is that of the shifts and of a roll of 3 deg."""
     rng, double = np.random.default_rng(1), load("double").with_choices(free=["camera.roll"])

@@ -2,8 +2,9 @@
 
 With each function numba keeps the program that was compiled, to put it into functions that are compiled
 later, and parses it whenever the function is loaded. That takes longer than to load what is called, and in an
-ordinary run 80 MB. Before the first one it tells the compiler of everything that it can compile. Here both
-wait until something is compiled.
+ordinary run 80 MB. Before the first function is loaded, numba tells the compiler of everything that it can
+compile (``refresh``). Here both wait until something is compiled. Kernels that hash text would miss what the
+second one registers; there are none.
 """
 
 from __future__ import annotations
@@ -40,10 +41,14 @@ class CalledLibrary(JITCodeLibrary):
 
     def _get_module_for_linking(self) -> Any:
         if self._bitcode is not None:
-            self._shared_module = binding.parse_bitcode(self._bitcode)
-            self._codegen._engine._load_defined_symbols(self._shared_module)
-            self._bitcode = None
+            self._parse(self._bitcode)
         return super()._get_module_for_linking()
+
+    def _parse(self, bitcode: bytes) -> None:
+        """Parse the program; ``errors.is_of_cache`` knows what fails here."""
+        self._shared_module = binding.parse_bitcode(bitcode)
+        self._codegen._engine._load_defined_symbols(self._shared_module)
+        self._bitcode = None
 
     def get_pointer_to_function(self, name: str) -> int:
         """Return where a function begins.
@@ -81,7 +86,7 @@ def load_to_call() -> None:
     """Have this process load compiled functions as what is called."""
     context: Any = cpu_target.target_context
     context.codegen()._library_class = CalledLibrary
-    # what they take memory with
+    # what they call to take memory, which numba would register before it loads the first of them
     rtsys.initialize(context)
     functions: Any = dispatcher
     functions.FunctionCache = CalledCache

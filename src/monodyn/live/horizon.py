@@ -225,6 +225,11 @@ class Horizon:
         poses = _measured(poses)
         if not len(poses):
             return None
+        gaps = np.flatnonzero(np.diff(poses.time) > LONGEST_GAP)
+        if len(gaps):
+            last = int(gaps[-1]) + 1
+            self.add(poses[:last])
+            poses = poses[last:]
         since = float(poses.time[0] - self._rows.time[-1]) if len(self._rows) else np.inf
         if since > LONGEST_GAP:
             self._break_off()

@@ -92,7 +92,7 @@ class Identifier:
         self._review: Future[Reviewed] | None = None
         self._seen, self._astray, self._moved = -math.inf, -math.inf, np.zeros(0)
         self._fresh = False
-        self._handed, self._rests = -math.inf, -math.inf
+        self._rests = -math.inf
         self.cut, self._next, self._begun = Cut(-math.inf), math.inf, -math.inf
 
     @property
@@ -127,9 +127,12 @@ class Identifier:
         """
         now = float(pose.time[0])
         if broken:
-            if self._estimating is not None:
+            # what waits is of the motion before
+            self._submit()
+            while self._estimating is not None:
                 wait([self._estimating])
                 self._collect()
+                self._submit()
             self._horizon = None if self._horizon is None else self._horizon.broken_off()
         self._recorded(pose, broken=broken)
         if self._horizon is not None:
@@ -193,15 +196,20 @@ class Identifier:
         if self._horizon is None or self._estimating is not None or not self._pending:
             return
         rows, self._pending = joined(self._pending), []
-        self._handed = time.perf_counter()
-        self._estimating = self._quick.submit(self._horizon.add, rows)
+        self._estimating = self._quick.submit(self._estimated, self._horizon, rows)
+
+    def _estimated(self, horizon: Horizon, poses: Poses) -> Estimate | None:
+        """Estimate anew with poses, and rest as long if they come late."""
+        began = time.perf_counter()
+        found = horizon.add(poses)
+        now = time.perf_counter()
+        self._rests = now + (now - began)
+        return found
 
     def _collect(self) -> None:
         """Take what the workers have finished."""
         if self._estimating is not None and self._estimating.done():
             found, self._estimating = self._estimating.result(), None
-            now = time.perf_counter()
-            self._rests = now + (now - self._handed)
             # where nothing is seen the prediction goes on
             self.estimate, self._fresh = found or self.estimate, found is not None
             if found is not None and found.astray:

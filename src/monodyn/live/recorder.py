@@ -8,7 +8,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from monodyn.errors import SettingsError
-from monodyn.results.overlay import Drawing, draw
+from monodyn.results.overlay import Drawing, draw, encoded_picture
 from monodyn.types import Frame
 
 TICKS = 90_000
@@ -79,7 +79,6 @@ class Recorder:
 
     def _encode(self, av: object) -> None:
         """Encode frames until there are no more."""
-        from av import VideoFrame
         from av import open as opened
 
         # in fragments: whatever ends the program, what was written can be read
@@ -87,7 +86,7 @@ class Recorder:
         with opened(str(self._path), "w", format="mp4", options=options) as container:
             stream, last = None, -1
             while (frame := self._waiting.get()) is not None:
-                picture = VideoFrame.from_numpy_buffer(draw(frame, Drawing(())), format="yuv420p")
+                picture = encoded_picture(draw(frame, Drawing(())))
                 if stream is None:
                     stream = container.add_stream("libx264", rate=30, options=QUALITY)
                     stream.width, stream.height = picture.width, picture.height

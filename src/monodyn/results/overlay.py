@@ -61,8 +61,8 @@ TINTED = 0.6
 """Share of the tint where the foreground covers a whole pixel."""
 LINES = 2
 """Lines of a caption, at most."""
-SMALL = 1_000_000
-"""Size of a picture up to which one thread encodes them as fast as they are made, beside that [px]."""
+ONE_THREAD_PX = 1_000_000
+"""Size of the largest picture that one thread encodes in the time in which it is decoded and drawn [px]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,7 +251,7 @@ def write_overlay(
             offset = begin if 0.0 <= begin <= LATEST else 0.0
             # one is drawn while the one before is encoded
             for done, (time, planes) in enumerate(made_ahead(pictures, 2), start=1):
-                picture = av.VideoFrame.from_numpy_buffer(planes, format="yuv420p")
+                picture = encoded_picture(planes)
                 # the encoder takes increasing stamps only: two frames in one tick are put one tick apart
                 last = max(last + 1, round(((time - video.times[0]) * slower + offset) * TICKS))
                 picture.pts, picture.time_base = last, Fraction(1, TICKS)
@@ -263,6 +263,22 @@ def write_overlay(
     except av.error.FFmpegError as error:
         raise OSError(error.errno, error.strerror or str(error)) from error
     return stills
+
+
+def encoded_picture(planes: np.ndarray) -> Any:
+    """Return stacked planes as a picture that an encoder takes, without a copy where PyAV can do without.
+
+    Args:
+        planes: Luma above the two chroma planes, uint8 (1.5 height, width); not to be changed afterwards.
+
+    Returns:
+        The ``av.VideoFrame``.
+    """
+    from av import VideoFrame
+
+    # where chroma has an odd number of rows its buffer would be cut in the wrong places
+    make = VideoFrame.from_ndarray if len(planes) % 6 else VideoFrame.from_numpy_buffer
+    return make(planes, format="yuv420p")
 
 
 def _pictures(
@@ -285,7 +301,7 @@ def _film_stream(container: Any, video: Video) -> Any:
     stream.width, stream.height = video.width + video.width % 2, video.height + video.height % 2
     stream.pix_fmt = "yuv420p"
     stream.codec_context.time_base = Fraction(1, TICKS)
-    if video.width * video.height <= SMALL:
+    if video.width * video.height <= ONE_THREAD_PX:
         stream.codec_context.thread_count = 1
     return stream
 

@@ -104,7 +104,7 @@ class EdgeTurns(NamedTuple):
         """Return by how much each wave turns the joints of some poses.
 
         Args:
-            position: Joint positions [rad or m], (frame, dof).
+            position: Joint positions [rad or m], finite, (frame, dof).
 
         Returns:
             The turns [rad], (direction, frame, dof); none at slides.
@@ -123,6 +123,9 @@ def edge_turns(mechanism: Mechanism, off: float) -> EdgeTurns:
     Args:
         mechanism: The mechanism.
         off: Standard deviation of the place of an edge [m].
+
+    Returns:
+        Its waves, by one standard deviation each.
     """
     values, parents, joints = mechanism.values, mechanism.tree.parent.tolist(), mechanism.joints
     count = len(joints)

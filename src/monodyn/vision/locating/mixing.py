@@ -42,7 +42,7 @@ WEIGHTS = np.array([1.0, CHROMA_WEIGHT, CHROMA_WEIGHT])
 LEAST_APART = 2.0
 """Difference of figure and ground below which the levels do not tell how light was mixed [grey levels]."""
 WHOLE = (round(0.95 * FULL), round(1.05 * FULL))
-"""Coverage between which a pixel shows the colour of its plane, in that of a mask."""
+"""Levels of a mask between which a pixel shows the colour of its plane."""
 HALVINGS = 8
 """Halvings of the interval in which a coverage lies: finer than the 160 levels of a mask."""
 NEAR_PX = 12.0
