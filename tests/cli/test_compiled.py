@@ -137,6 +137,7 @@ def test_who_waits_for_the_compiler_is_told(
 
 
 KERNELS = """
+import numpy as np
 from numba import njit
 
 @njit(cache=True)
@@ -145,8 +146,10 @@ def twice(x):
 
 @njit(cache=True)
 def scaled(x, count):
-    for _ in range(count):
-        x = twice(x)
+    # what takes memory calls numba's own functions
+    ones = np.ones(count)
+    for one in ones:
+        x = twice(x) * one
     return x
 """
 LOADED = """

@@ -76,19 +76,23 @@ def test_why_a_motion_begins_anew_is_known(begun):
     assert identifier.cut == Cut(45 / RATE, "stamps")
 
 
-def test_poses_that_come_together_count_as_one_after_the_other(begun):
+@pytest.mark.parametrize(
+    ("stop", "wanted"), [(120, Cut(100 / RATE, "unseen")), (180, Cut(160 / RATE, "searching"))]
+)
+def test_poses_that_come_together_count_as_one_after_the_other(begun, stop, wanted):
     """Behind what was followed while the mechanism was looked for, gaps and all."""
     together = joined(
         [rows(45, 60), rows(60, 100, seen=False), rows(100, 120), rows(160, 170), rows(170, 180, seen=False)]
     )
+    together = together[: int(np.searchsorted(together.frame, stop))]
     at_once, each = begun(together), begun()
     # as while it begins
     each._begun = -math.inf
     for k in range(len(together)):
         each._recorded(together[k : k + 1])
     for identifier in (at_once, each):
-        identifier.take(rows(195, 196))
-    assert at_once.cut == each.cut == Cut(160 / RATE, "searching")
+        identifier.take(rows(stop + 15, stop + 16))
+    assert at_once.cut == each.cut == wanted
     for since, after in ((0.0, False), (100 / RATE, False), (100 / RATE, True), (6.5, True), (7.0, False)):
         one, other = (identifier.record.since(since, after=after) for identifier in (at_once, each))
         assert (one is None) == (other is None)

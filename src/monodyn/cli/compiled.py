@@ -1,4 +1,4 @@
-"""Compiled functions: where they are kept, and how they are loaded by a process of the command line."""
+"""Where compiled functions are kept, whether there are any, and how those that are damaged are forgotten."""
 
 from __future__ import annotations
 

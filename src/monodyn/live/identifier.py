@@ -129,10 +129,7 @@ class Identifier:
         if broken:
             # what waits is of the motion before
             self._submit()
-            while self._estimating is not None:
-                wait([self._estimating])
-                self._collect()
-                self._submit()
+            self.settle(Future.exception)
             self._horizon = None if self._horizon is None else self._horizon.broken_off()
         self._recorded(pose, broken=broken)
         if self._horizon is not None:
@@ -169,7 +166,7 @@ class Identifier:
         """Let the motion begin anew; it is identified as soon as it has gone on for long enough."""
         self.cut, self._next = Cut(now, why), now + self._live.begin
 
-    def settle(self, give_up: Callable[[Future[Any]], None]) -> bool:
+    def settle(self, give_up: Callable[[Future[Any]], object]) -> bool:
         """Wait for what is being identified.
 
         Args:
