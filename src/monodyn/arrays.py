@@ -135,6 +135,9 @@ def clock(where: str, times: np.ndarray, *, error: type[MonodynError] = MonodynE
     Raises:
         MonodynError: (or ``error``) they are not finite, do not increase, or are such as no clock shows.
     """
+    # NaN is neither
+    if np.abs(times).max(initial=0.0) <= WILD and np.diff(times).min(initial=np.inf) >= SHORTEST:
+        return times
     increasing(where, times, error=error)
     if np.abs(times).max(initial=0.0) > WILD:
         raise error(
@@ -147,6 +150,18 @@ def clock(where: str, times: np.ndarray, *, error: type[MonodynError] = MonodynE
             "between them; give the times in seconds."
         )
     return times
+
+
+def usual_step(times: np.ndarray) -> float:
+    """Return the median of the steps between times [s]; NaN where there are fewer than two.
+
+    Args:
+        times: Time stamps [s], (row,).
+    """
+    # numpy's median of a few numbers takes ten times as long
+    steps = np.sort(np.diff(times))
+    count = len(steps)
+    return float(0.5 * (steps[(count - 1) // 2] + steps[count // 2])) if count else np.nan
 
 
 def check_unbroken(where: str, times: np.ndarray) -> None:
@@ -162,7 +177,7 @@ def check_unbroken(where: str, times: np.ndarray) -> None:
     steps = np.diff(times)
     if not len(steps):
         return
-    covered, longest = float(np.median(steps)) * len(steps), int(np.argmax(steps))
+    covered, longest = usual_step(times) * len(steps), int(np.argmax(steps))
     pauses = float(steps.sum()) - covered
     if pauses > MOST_PAUSES * covered:
         raise VideoError(

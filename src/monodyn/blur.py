@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.checks import camera_choices
 from monodyn.errors import SettingsError
 from monodyn.settings import RunSettings
@@ -68,7 +69,7 @@ def check_exposure(video: Video, camera: CameraSettings, *, repeats: int = 0) ->
     new = np.delete(video.times, list(video.repeats.frames))
     if len(new) < 2:
         return
-    interval = 1.0 / video.repeats.rate if video.repeats.rate else float(np.median(np.diff(new)))
+    interval = 1.0 / video.repeats.rate if video.repeats.rate else usual_step(new)
     for name, seconds in (("exposure", camera.exposure or 0.0), ("readout", camera.readout)):
         if abs(seconds) > ROUNDED * (1 + repeats) * interval:
             raise SettingsError(
@@ -139,7 +140,7 @@ def blurred(found: Exposed, camera: CameraSettings) -> list[str]:
         ]
     if shutter is None or not shutter.exposure:
         return []
-    share = shutter.exposure / float(np.median(np.diff(found.poses.time)))
+    share = shutter.exposure / usual_step(found.poses.time)
     if camera.exposure is None:
         begin, known = "Motion blurs the pictures: each is exposed for", f" ± {1000.0 * shutter.std:.2g}"
     else:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.errors import VideoError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.settings import IdentifySettings
@@ -149,7 +150,7 @@ def doubtful_gaps(poses: Poses, joints: np.ndarray) -> list[Gap]:
         time, angle = poses.time[rows], poses.position[rows, dof]
         std = np.sqrt(poses.covariance[rows, dof, dof])
         # repeated pictures, too, leave rows without a measurement: a gap is longer than usual
-        breaks = np.flatnonzero(np.diff(time) > LONGER * np.median(np.diff(time))) if len(rows) > 1 else []
+        breaks = np.flatnonzero(np.diff(time) > LONGER * usual_step(time)) if len(rows) > 1 else []
         together = np.cumsum(np.isin(np.arange(len(rows)), np.add(breaks, 1)))
         hardest = _hardest(time, angle, together)
         for i in breaks:

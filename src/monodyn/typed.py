@@ -53,7 +53,7 @@ def checked(function: Function) -> Function:
         if getattr(_thread, "inside", False):
             return function(*args, **kwargs)
         given = signature.bind(*args, **kwargs).arguments
-        check_types(function.__name__, given, _hints(function))
+        check_types(function.__name__, given, function)
         try:
             _thread.inside = True
             made = function(*args, **kwargs)
@@ -117,23 +117,24 @@ def check_fields(settings: object, name: str) -> None:
     Raises:
         SettingsError: a field has another type.
     """
-    check_types(name, vars(settings), _hints(type(settings)))
+    check_types(name, vars(settings), type(settings))
 
 
-def check_types(where: str, values: Mapping[str, object], hints: Mapping[str, Any]) -> None:
+def check_types(where: str, values: Mapping[str, object], stated: Any) -> None:
     """Refuse values of other types than stated.
 
     Args:
         where: What takes the values, for the message.
         values: The values by name.
-        hints: Their annotations by name; what has none may be anything.
+        stated: The function or class whose annotations state the types; what has none may be anything.
 
     Raises:
         SettingsError: a value has another type.
     """
+    tests = _tests(stated)
     for name, value in values.items():
-        if name in hints and not is_a(value, hints[name]):
-            what, wrong, hint = _blamed(name, value, hints[name])
+        if name in tests and not tests[name](value):
+            what, wrong, hint = _blamed(name, value, _hints(stated)[name])
             raise SettingsError(
                 f"{where}: expected {what} to be {_said(hint)}, got {kind_of(wrong)}; give another."
             )
@@ -142,6 +143,12 @@ def check_types(where: str, values: Mapping[str, object], hints: Mapping[str, An
 @cache
 def _hints(function: Any) -> dict[str, Any]:
     return get_type_hints(function)
+
+
+@cache
+def _tests(function: Any) -> dict[str, Test]:
+    """Return what tells values of the annotated names of a function or class."""
+    return {name: _test(hint) for name, hint in _hints(function).items()}
 
 
 def is_a(value: Any, hint: Any) -> bool:
@@ -166,7 +173,7 @@ def _test(hint: Any) -> Test:
         return callable
     tests = [_test(one) for one in inner if origin is not None and one is not Ellipsis]
     if origin in (Union, UnionType):
-        return lambda value: any(test(value) for test in tests)
+        return _either(tests)
     if origin is tuple and inner and inner[-1] is not Ellipsis:
         return lambda value: (
             _listed(value)
@@ -181,6 +188,19 @@ def _test(hint: Any) -> Test:
     if inspect.isclass(origin) and issubclass(origin, Collection):
         return lambda value: _listed(value) and all(tests[0](one) for one in value)
     return _test_of_class(hint if origin is None else origin)
+
+
+def _either(tests: Sequence[Test]) -> Test:
+    """Return what tells values of any of several types."""
+
+    def test(value: Any) -> bool:
+        # a generator for each value would cost more than the tests
+        for one in tests:  # noqa: SIM110
+            if one(value):
+                return True
+        return False
+
+    return test
 
 
 def _test_of_class(kind: Any) -> Test:
@@ -219,6 +239,8 @@ def _is_number(value: object) -> bool:
 
 def _nameable(text: str) -> bool:
     """True for what the system takes for a name: without a zero, and in its letters."""
+    if text.isascii():
+        return "\0" not in text
     try:
         return b"\0" not in os.fsencode(text)
     except UnicodeEncodeError:

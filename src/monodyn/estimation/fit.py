@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from monodyn.arrays import Frozen
+from monodyn.arrays import Frozen, usual_step
 from monodyn.errors import FitError
 from monodyn.estimation.parts import Combination, Common, Start, TriedTorque, Unmodelled
 from monodyn.extras import extra
@@ -277,7 +277,7 @@ class Fit(Frozen):
             log, late = self.torques[record].time, self.mechanism.values[LAG]
             # a lag leaves the torque open for as long at the beginning; that of the first row stands for it
             first, last = min(log[0], log[0] + late), max(log[-1], log[-1] + late)
-            step = float(np.median(np.diff(log)))
+            step = usual_step(log)
             return (stamps < first - step) | (stamps > last + step)
         if self.torque != "free":
             return np.zeros(len(stamps), dtype=bool)

@@ -35,7 +35,7 @@ from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.common import left_open, less
 from monodyn.estimation.verdict.regrouped import Trees, features
 from monodyn.estimation.verdict.surrogate import BESIDES, STEP, UNEXPLAINED
-from monodyn.estimation.verdict.uncertainty import Knowledge, knowledge_of, whitened_shifts
+from monodyn.estimation.verdict.uncertainty import covariance_of, whitened_shifts
 from monodyn.mechanism import Mechanism
 from monodyn.optimize import Arrow, SearchSettings, minimize_arrow
 from monodyn.types import Poses
@@ -91,13 +91,20 @@ class Window:
         substeps = max(self.substeps, *(torque.parts for torque in data.torques), 1)
         return replace(self, problem=self.problem.with_data(data.scaled(factors)), substeps=substeps)
 
-    def shown(self, instance: Instance, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the motion depends on, (feature,), and its derivatives, (feature, param).
+    def shown(self, trial: Trial) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the motion depends on, (feature,), and its derivatives, (feature, param); the trial
+        keeps them.
 
         Args:
-            instance: The mechanism at the coordinates.
-            x: These, (param,).
+            trial: Unknowns and start state.
         """
+        problem = self.problem
+        of = problem.mechanism, problem.unknowns, problem.prior.weights, self.regrouped
+        known = trial.recalled("shown", of)
+        return known or trial.remember("shown", of, self._shown(problem.instance(trial), trial.x))
+
+    def _shown(self, instance: Instance, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the motion depends on for a mechanism at coordinates (param,), as ``shown`` does."""
         if not self.regrouped:
             return x, np.eye(len(x))
         problem, tree, steps = self.problem, instance.tree, instance.directions
@@ -174,22 +181,23 @@ class Refitted:
         return self.window.problem.size(self.x)
 
     @cached_property
-    def mechanism(self) -> Mechanism:
-        """The mechanism as identified."""
-        return self.window.problem.mechanism_at(self.x)
-
-    @cached_property
-    def known(self) -> Knowledge:
-        """What is known of the unknowns, and which of them nothing determines."""
-        return knowledge_of(self.window.problem.unknowns, self.x, self.information)
+    def unit(self) -> np.ndarray:
+        """Metres per unit of the record, 1 for hinges, (dof,)."""
+        return np.where(self.window.problem.data.slide[0], self.scale, 1.0)
 
     @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism as identified."""
+        return self.instance.mechanism
+
+    @cached_property
     def covariance(self) -> np.ndarray:
         """Covariance of unknowns and state at the first row, (param + 2 dof, param + 2 dof); directions that
         nothing determines are left out of it. What moves all positions together is no noise: it moves the
         optimum as a whole."""
-        moved = self.known.full @ self.pulled
-        return self.known.full + moved @ moved.T
+        alone = covariance_of(self.window.problem.unknowns, self.information)
+        moved = alone @ self.pulled
+        return alone + moved @ moved.T
 
 
 class Ahead(NamedTuple):
@@ -299,7 +307,7 @@ def refit(
     whitened, jacobian, trial = found.model.kept
     pulled = _pulled(problem.data, jacobian)
     if arrival is not None:
-        _, slopes = window.shown(problem.instance(trial), found.shared)
+        _, slopes = window.shown(trial)
         pulled += _chain(slopes, begun.states.shape[1]).T @ arrival.pulled
     return Refitted(
         window=window,
@@ -327,7 +335,7 @@ def slid(found: Refitted, row: int) -> Arrival:
         included; the state before it is eliminated exactly.
     """
     window, count = found.window, len(found.x)
-    shown, slopes = window.shown(found.instance, found.x)
+    shown, slopes = window.shown(found.trial)
     back = _inverse(slopes)
     residual, jacobian = (part[:row] for part in window.problem.rows(found.trial))
     # the rows by what the motion depends on in place of the unknowns, and by the state
@@ -372,7 +380,7 @@ def _model(window: Window, arrival: Arrival | None, trial: Trial, limit: float) 
     model = problem.model(trial.x, problem.rows(trial), trial.pieces, limit)
     if arrival is None:
         return model
-    shown, slopes = window.shown(problem.instance(trial), trial.x)
+    shown, slopes = window.shown(trial)
     cost, pull = arrival.at(np.concatenate((shown, trial.states[0])))
     chain = _chain(slopes, trial.states.shape[1])
     known, pull = chain.T @ arrival.information @ chain, chain.T @ pull
@@ -399,13 +407,14 @@ def _pulled(data: Data, jacobian: np.ndarray) -> np.ndarray:
     """Return how the gradient of rows (row, dof, column) follows what moves all of their positions, (column,
     direction)."""
     # a residual is the simulated less the measured position
-    return -np.einsum("fip,fik->pk", jacobian, whitened_shifts(data))
+    shifts = whitened_shifts(data)
+    return -jacobian.reshape(-1, jacobian.shape[2]).T @ shifts.reshape(-1, shifts.shape[2])
 
 
 def _explained(window: Window, trial: Trial) -> bool:
     """Return whether the motion depends on the unknowns through regrouped inertias alone."""
     count = len(trial.x)
-    _, slopes = window.shown(window.problem.instance(trial), trial.x)
+    _, slopes = window.shown(trial)
     _, jacobian = window.problem.rows(trial)
     rows = jacobian.reshape(-1, jacobian.shape[2])[:, :count]
     size = np.abs(rows).max(axis=0, initial=0.0)

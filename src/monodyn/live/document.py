@@ -104,10 +104,14 @@ def _future(fit: Fit, future: Prediction | None) -> list[dict[str, Any]]:
     joints = [joint.name for joint in fit.mechanism.joints]
     count = len(future.time)
     rows = np.unique(np.linspace(0, count - 1, min(count, MOST_AHEAD)).round().astype(int))
-    parts = (future.time[rows].tolist(), future.position[rows].tolist(), future.std[rows].tolist())
+    parts = (future.time, future.position, future.std)
     return [
-        {"time": _finite(time), "position": _named(joints, position), "std": _named(joints, std)}
-        for time, position, std in zip(*parts, strict=True)
+        {
+            "time": time,
+            "position": dict(zip(joints, position, strict=True)),
+            "std": dict(zip(joints, std, strict=True)),
+        }
+        for time, position, std in zip(*(_listed(part[rows]) for part in parts), strict=True)
     ]
 
 
@@ -118,11 +122,13 @@ def _std(pose: Poses) -> np.ndarray:
 
 def _by_joint(joints: Sequence[str], values: np.ndarray) -> dict[str, float | None]:
     """Return a number for each joint, (dof,), by its name."""
-    return _named(joints, values.tolist())
+    return dict(zip(joints, _listed(values), strict=True))
 
 
-def _named(joints: Sequence[str], values: list[float]) -> dict[str, float | None]:
-    return {joint: _finite(value) for joint, value in zip(joints, values, strict=True)}
+def _listed(values: np.ndarray) -> list[Any]:
+    """Return the numbers of an array (row,) or (row, dof), None where one has no end."""
+    finite = np.isfinite(values)
+    return (values if finite.all() else np.where(finite, values.astype(object), None)).tolist()
 
 
 def _finite(value: float | None) -> float | None:

@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.errors import MonodynError
 from monodyn.estimation.arrival import Arrival
 from monodyn.estimation.fit import Doubt, Fit, Grade
@@ -62,6 +63,8 @@ LONGEST_GAP = 1.0
 GROWN = 30.0
 """How much an error may grow within the window: what nobody sees pushes a mechanism, and a motion beside an
 equilibrium that does not hold itself cannot be followed for long without."""
+SURE = 1e10
+"""Size of a matrix times that of its inverse up to which rounding leaves the latter as it is."""
 AT_ONCE = 0.25
 """Seconds of rows that leave the window at once: over more, rounding in what is known of the directions in
 which motions come together would drown what is known of the others."""
@@ -110,14 +113,21 @@ class Estimate:
             Joint positions [rad or m] and rates [rad/s or m/s], each (dof,).
         """
         future = self.future
-        at = int(np.clip(np.searchsorted(future.time, time) - 1, 0, len(future.time) - 2))
-        step = float(future.time[at + 1] - future.time[at])
-        u = min(max((time - float(future.time[at])) / step, 0.0), 1.0)
-        q, v = future.position[at : at + 2], step * future.velocity[at : at + 2]
+        at = min(max(int(np.searchsorted(future.time, time)) - 1, 0), len(future.time) - 2)
+        begin, end = future.time[at : at + 2].tolist()
+        step = end - begin
+        u = min(max((time - begin) / step, 0.0), 1.0)
         # cubic through positions and rates at either side (Hermite)
-        square, cube = 3.0 * (q[1] - q[0]) - 2.0 * v[0] - v[1], 2.0 * (q[0] - q[1]) + v[0] + v[1]
-        position = q[0] + u * (v[0] + u * (square + u * cube))
-        return position, (v[0] + u * (2.0 * square + 3.0 * u * cube)) / step
+        bent, steep = u * u * (3.0 - 2.0 * u), 6.0 * u * (1.0 - u) / step
+        weights = np.array(
+            (
+                (1.0 - bent, bent, step * u * (1.0 - u) ** 2, step * u * u * (u - 1.0)),
+                (-steep, steep, (1.0 - u) * (1.0 - 3.0 * u), u * (3.0 * u - 2.0)),
+            )
+        )
+        ends = np.concatenate((future.position[at : at + 2], future.velocity[at : at + 2]))
+        position, velocity = weights @ ends
+        return position, velocity
 
     def expected(self, time: float) -> np.ndarray:
         """Return where the dynamics have the joints, as pictures have them.
@@ -128,8 +138,9 @@ class Estimate:
         Returns:
             Joint positions [rad; m in the start scale], (dof,).
         """
-        data, roll = self.found.window.problem.data, self.found.window.problem.roll(self.found.x)
-        return (self.state(time)[0] - roll * data.by_roll[0]) / _unit(self.found)
+        problem = self.found.window.problem
+        turned = problem.roll(self.found.x) * problem.data.by_roll[0]
+        return (self.state(time)[0] - turned) / self.found.unit
 
     @cached_property
     def std(self) -> dict[str, float]:
@@ -145,16 +156,19 @@ class Estimate:
     @cached_property
     def fit(self) -> Fit:
         """The same as a fit, with the window as its record."""
-        mechanism, parameters = self.found.mechanism, []
+        mechanism, unknowns = self.found.mechanism, self.found.window.problem.unknowns
+        values, parameters = {now.name: now for now in mechanism.parameters}, []
         for p in self.base.parameters:
-            now = mechanism.parameter(p.name)
-            by_factor = errs_by_factor(self.found.window.problem.unknowns, now)
-            one = stated(now, self.std.get(p.name, p.std), SURELY, by_factor=by_factor)
-            parameters.append(replace(p, value=one.value, std=one.std, lower=one.lower, upper=one.upper))
+            now = values[p.name]
+            if p.free or p.std != 0.0 or now.value != p.value:
+                std = self.std.get(p.name, p.std)
+                by_factor = errs_by_factor(unknowns, now)
+                p = stated(now, std, SURELY, by_factor=by_factor, free=p.free, at_bound=p.at_bound)
+            parameters.append(p)
         dofs = len(mechanism.joints)
         position, velocity = np.split(self.found.state, 2)
         own = self.covariance[-2 * dofs :, -2 * dofs :]
-        residual = self.found.residual * _unit(self.found)
+        residual = self.found.residual * self.found.unit
         rms = np.sqrt(np.nanmean(residual**2, axis=0)).tolist()
         fit = replace(
             self.base, mechanism=mechanism, parameters=tuple(parameters), combinations=(),
@@ -201,7 +215,7 @@ class Horizon:
         # what pushes at random moves within a window by less than the noise does not show there
         unseen = 3.0 * np.nanmean(self._found.window.problem.data.std**2, axis=0) / window**3
         lacks = 0.0 if fit.unmodelled is None else fit.unmodelled.density
-        self._pushed = np.maximum(unseen * _unit(self._found) ** 2, lacks)
+        self._pushed = np.maximum(unseen * self._found.unit**2, lacks)
         self._added = {
             name: max(stds[name] ** 2 - float(variance), 0.0)
             for name, variance in zip(fit.shared, known, strict=False)
@@ -278,7 +292,8 @@ class Horizon:
     def _with(self, poses: Poses) -> Window:
         """Return the window with rows, and with what acted meanwhile."""
         acted = self._acting(float(poses.time[0]), float(poses.time[-1]))
-        return self._window.on(replace(poses, torques=acted), self._noise, self._common)
+        rows = poses if acted is None else replace(poses, torques=acted)
+        return self._window.on(rows, self._noise, self._common)
 
     def _begun(self, window: Window) -> np.ndarray:
         """Return the state at the first row that smooth motion has, positions then rates, (2 dof,)."""
@@ -316,7 +331,7 @@ class Horizon:
             return 0
         # how the last positions follow those at each row, in deviations of the noise
         # (what has shrunk to nothing by a row does not grow any more)
-        grown = (slopes[-1] @ np.linalg.pinv(slopes[at]))[:, :dofs, :dofs]
+        grown = (slopes[-1] @ _inverses(slopes[at]))[:, :dofs, :dofs]
         noise = np.sqrt(np.nanmean(problem.data.std**2, axis=0))
         size = np.abs(grown * noise / noise[:, None]).max(axis=(1, 2))
         return int(np.sum(size > GROWN))
@@ -347,7 +362,7 @@ class Horizon:
     def _future(self, found: Refitted) -> Prediction:
         """Return the motion from the last row on."""
         last, now = float(self._rows.time[-1]), ahead(found, -1)
-        step = float(np.median(np.diff(self._rows.time))) if len(self._rows) > 1 else self._ahead
+        step = usual_step(self._rows.time) if len(self._rows) > 1 else self._ahead
         count = max(int(np.ceil(self._ahead / step - 1e-6)), 2)
         times = last + step * np.arange(count + 1)
         problem = found.window.problem
@@ -355,7 +370,7 @@ class Horizon:
         run = (0, count + 1, now.state)
         q, v, dq, dv = coming.tangents(found.instance, found.window.substeps, [run], most_off=PREDICTED_OFF)
         slopes = np.concatenate((dq, dv), axis=1)
-        variance = np.einsum("fip,pr,fir->fi", slopes, now.covariance, slopes, optimize=True)
+        variance = np.sum((slopes @ now.covariance) * slopes, axis=2)
         std, dofs = np.sqrt(np.maximum(variance, 0.0)), q.shape[1]
         return Prediction(self._rows.joints, times, q, v, std[:, :dofs], std[:, dofs:])
 
@@ -380,9 +395,15 @@ def horizon_of(
         return None
 
 
-def _unit(found: Refitted) -> np.ndarray:
-    """Return metres per unit of the record, 1 for hinges, (dof,)."""
-    return np.where(found.window.problem.data.slide[0], found.scale, 1.0)
+def _inverses(matrices: np.ndarray) -> np.ndarray:
+    """Return the inverses of matrices, without what has shrunk to nothing, (matrix, row, row)."""
+    try:
+        inverses = np.linalg.inv(matrices)
+    except np.linalg.LinAlgError:
+        return np.linalg.pinv(matrices)
+    # for most motions this is all, in a fifth of the time
+    size = np.abs(matrices).max(axis=(1, 2)) * np.abs(inverses).max(axis=(1, 2))
+    return inverses if np.all(size < SURE) else np.linalg.pinv(matrices)
 
 
 def _off(found: Refitted) -> float:
@@ -407,6 +428,6 @@ def _natural(found: Refitted) -> np.ndarray:
 def _measured(poses: Poses) -> Poses:
     """Return the rows in which any joint was measured."""
     rows = np.flatnonzero(poses.measured.any(axis=1))
-    if len(rows) in (0, len(poses)):
-        return poses[: len(rows)]
-    return joined([poses[k : k + 1] for k in rows.tolist()])
+    if len(rows) == len(poses):
+        return poses
+    return joined([poses[k : k + 1] for k in rows.tolist()]) if len(rows) else poses[:0]

@@ -82,6 +82,8 @@ def joined(rows: Iterable[Poses]) -> Poses:
     """
     parts: Sequence[Poses] = list(rows)
     first = parts[0]
+    if len(parts) == 1:
+        return first
     shifts = [part.shifts for part in parts if part.shifts is not None]
     return Poses(
         first.joints,

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.mechanism.drive import KNOTS, UNDRIVEN, Drive
 from monodyn.types import TorqueLog
 
@@ -82,8 +83,8 @@ def logged(log: TorqueLog, joints: tuple[str, ...], times: np.ndarray) -> Logged
     Returns:
         The torques, in intervals as short as those of the log, or an eighth of the stamps'.
     """
-    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    parts, wanted = 1, float(np.median(np.diff(log.time)))
+    step = usual_step(times) if len(times) > 1 else 0.0
+    parts, wanted = 1, usual_step(log.time)
     while parts < FINEST and step / parts > 1.001 * wanted:
         parts *= 2
     at = np.arange((len(times) - 1) * parts + 1) / parts

@@ -113,7 +113,12 @@ class Mechanism:
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Every parameter, in a fixed order."""
-        return tuple(self._parameter(row) for row in range(len(self.numbers)))
+        table = self.torques.table
+        columns = (
+            table.names, table.kind, table.owner, self._current.tolist(), self.lower.tolist(),
+            self.upper.tolist(), table.unit, self.free.tolist(), self._follows.tolist(), table.against,
+        )  # fmt: skip
+        return tuple(Parameter(*row) for row in zip(*columns, strict=True))
 
     @property
     def values(self) -> dict[str, float]:
@@ -136,7 +141,7 @@ class Mechanism:
             >>> monodyn.mechanism.load("single").parameter("link1.length").value
             0.2
         """
-        return self._parameter(self.row(name))
+        return self.parameters[self.row(name)]
 
     def row(self, name: str) -> int:
         """Return the row of a parameter in the table.
@@ -416,15 +421,6 @@ class Mechanism:
         rest = [f"{counted(more, 'parameter')} of value 0 not listed."] if more else []
         parameters = table(("parameter", "value", "unit", ""), rows, words=("unit", ""))
         return card(repr(self), parameters, sentences(rest))
-
-    def _parameter(self, row: int) -> Parameter:
-        """Return the parameter of a row."""
-        table = self.torques.table
-        return Parameter(
-            table.names[row], table.kind[row], table.owner[row], float(self._current[row]),
-            float(self.lower[row]), float(self.upper[row]), table.unit[row], bool(self.free[row]),
-            bool(self._follows[row]), table.against[row],
-        )  # fmt: skip
 
     def _check_bounds(self, name: str, value: float | None = None) -> None:
         """Raise unless a parameter's value, or the one that it is to have, lies within its bounds."""

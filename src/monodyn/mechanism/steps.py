@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.mechanism.drive import Drive
 from monodyn.mechanism.model import Mechanism
 from monodyn.mechanism.substeps import least_substeps
@@ -80,7 +81,7 @@ def spacing(stamps: np.ndarray) -> float:
     Args:
         stamps: Its time stamps [s], (frame,).
     """
-    return float(np.median(np.diff(stamps))) if len(stamps) > 1 else ALONE
+    return usual_step(stamps) if len(stamps) > 1 else ALONE
 
 
 def fine_stamps(first: float, times: np.ndarray, usual: float) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.estimation.record.smooth import Smoothed
 from monodyn.estimation.shooting.accelerations import smooth_motion
 from monodyn.estimation.shooting.problem import posed
@@ -143,7 +144,7 @@ def led(fixed: FixedStart, x: np.ndarray, smoothed: Smoothed, first: int = 0) ->
         np.stack([np.interp(times, stamps, column) for column in table.T], axis=1)
         for table in true_motion(fixed, x, 0, smoothed)
     ]
-    rate, (q, v) = LEAD_RATE / np.median(np.diff(times)), np.split(fixed.states(x)[0], 2)
+    rate, (q, v) = LEAD_RATE / usual_step(times), np.split(fixed.states(x)[0], 2)
     # the error obeys e'' + 2 r e' + r^2 e = 0: it dies out without overshoot, in a few time steps
     off, x = np.zeros_like(q), x.copy()
     fixed.rollouts.add()

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.mechanism.drive import fourier_basis
 from monodyn.paper.torque import fourier_coefficients
 
@@ -86,7 +87,7 @@ def shown_periods(time: np.ndarray) -> tuple[float, float]:
     Args:
         time: Times [s], increasing, (frame,).
     """
-    span, step = float(np.ptp(time)), float(np.median(np.diff(time)))
+    span, step = float(np.ptp(time)), usual_step(time)
     return min(PER_WAVE * step, span), LONGEST_PERIOD * span
 
 
@@ -116,7 +117,7 @@ class _Fit:
     def at(self, period: float, most: int = 0) -> PoseSeries:
         """Fit the series of one period, up to ``most`` harmonics; 0: as many as its search allows."""
         # no more harmonics either than the samples can tell apart
-        step = float(np.median(np.diff(self.time)))
+        step = usual_step(self.time)
         most = most or (MOST_HARMONICS if 2.0 * period <= self.span else 1)
         most = min(most, int(period / (PER_WAVE * step)))
         columns, squares = self._columns(period, max(most, 1))

@@ -16,8 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
-import numpy as np
-
+from monodyn.arrays import usual_step
 from monodyn.errors import SettingsError
 from monodyn.paper.assumptions import Assumption
 from monodyn.reproduce.assumptions import assumptions
@@ -123,7 +122,7 @@ def _found(trying: Trying, progress: Progress | None) -> Evidence:
     seen = see(trying.method, segment(video, progress=progress), mechanism, truth, progress)
     cases = run_cases(seen, truth, design, progress)
     starts = pose_starts(seen, truth, design.seed)
-    interval = float(np.median(np.diff(video.times)))
+    interval = usual_step(video.times)
     return Evidence(seen, cases, design, interval, starts, trying.processes)
 
 

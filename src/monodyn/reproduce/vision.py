@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.errors import MonodynError
 from monodyn.mechanism import Joint, Mechanism
 from monodyn.paper.assumptions import Assumption, failed, film_assumptions
@@ -173,7 +174,7 @@ class _Watch:
     @property
     def median(self) -> float:
         """Median time between two calls [s]."""
-        return float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
+        return usual_step(self.times) if len(self.times) > 1 else 0.0
 
 
 def _published(masks: Masks, mechanism: Mechanism, framework: Framework, progress: Progress | None) -> Scene:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism.drive import Drive
 from monodyn.mechanism.tree import Directions
@@ -326,7 +327,7 @@ def _passed(chain: Chain, seen: Seen, about: np.ndarray | None, weaker: np.ndarr
     fresh = _between(chain, seen) if chain.cuts else np.zeros(0)
     unknown = np.repeat([np.pi**2, (FASTEST * np.pi) ** 2], width // 2)
     sums, farthest, likelihood = np.zeros((2, 2)), 0.0, 0.0
-    since, gap = np.full(width // 2, chain.stamps[0]), GAP * float(np.median(np.diff(seen.time)))
+    since, gap = np.full(width // 2, chain.stamps[0]), GAP * usual_step(seen.time)
     for at, row in enumerate(chain.measured):
         means[at], covariances[at] = mean, covariance
         use = np.flatnonzero(seen.used[row] & (row >= 0))

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.parts import Start
@@ -178,7 +179,7 @@ def _apart(known: Quantities) -> Quantities:
 def _tried(fit: Fit, known: Quantities, root: np.ndarray, seconds: tuple[float, ...]) -> list[_Tried]:
     """Compute what a record of every candidate would leave of the intervals."""
     noise, found = noise_of(fit), []
-    step = float(np.median(np.diff(fit.time[0])))
+    step = usual_step(fit.time[0])
     own = np.sum((known.slopes @ root) ** 2, axis=1)
     # what gravity, and what the model lacks, add to an interval stays in it
     more = np.maximum(known.std**2 - own, 0.0)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.results.sight import Sight, outlines_of
 from monodyn.types import FULL, Camera, Frame, Poses, Progress
 from monodyn.vision.clip.ahead import made_ahead
@@ -312,7 +313,7 @@ def _rate(video: Video) -> Fraction:
 
 def _step(video: Video) -> float:
     """Return the usual time between two frames [s]."""
-    return float(np.median(np.diff(video.times)))
+    return usual_step(video.times)
 
 
 def still(frame: Frame, drawing: Drawing, quality: int = 82) -> bytes:

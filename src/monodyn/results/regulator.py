@@ -194,7 +194,7 @@ def lqr(
         raise SettingsError(f"lqr: expected an identified mechanism, got a fit without one: {fit.status}")
     mechanism, allowed = fit.mechanism, allowed or Allowed()
     weights = allowed._asdict()
-    check_types("lqr", weights, dict.fromkeys(weights, float))
+    check_types("lqr", weights, Allowed)
     for name, value in (*weights.items(), ("rate", rate)):
         if not 1.0 / FASTEST <= value <= FASTEST:
             raise SettingsError(

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.parts import Start
@@ -65,7 +66,7 @@ def restart(
         raise SettingsError(f"restart: expected a record from 0 to {len(fit.starts) - 1}, got {record}.")
     stamps = fit.time[record]
     usual = 0.0 if positions is not None else float(stamps[-1])
-    time, step = usual if at is None else float(at), float(np.median(np.diff(stamps))) or 1.0
+    time, step = usual if at is None else float(at), usual_step(stamps) or 1.0
     if not abs(time - fit.starts[record].time) < MOST_STEPS * step:
         raise SettingsError(
             f"restart: expected a time stamp near the record, which begins at {fit.starts[record].time:g} s, "

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.arrays import increasing
+from monodyn.arrays import increasing, usual_step
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.verdict.unmodelled import noise_of_rows
@@ -120,7 +120,7 @@ def _chain(fit: Fit, seen: Seen, times: np.ndarray, record: int) -> Chain | None
     every = np.concatenate((seen.time, times[np.abs(_nearest(seen.time, times) - times) > SAME]))
     # where known torques are not known there are no dynamics to go along
     every = np.sort(every[~fit.unpushed(every, record)])
-    usual = float(np.median(np.diff(fit.time[record])))
+    usual = usual_step(fit.time[record])
     stamps, _ = fine_stamps(every[0], every, usual)
     dynamics = _dynamics(fit, stamps, record)
     start, covariance = _begun(dynamics, fine_stamps(fit.starts[record].time, stamps[:1], usual)[0], record)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.estimation.fit import Fit
 
 CLOSE = 1e-4
@@ -77,7 +78,7 @@ def torque_course(fit: Fit, times: np.ndarray, *, record: int = 0) -> Torques:
         # a knot is at a stamp, but for rounding
         between = knots[np.abs(times[:, None] - knots).min(axis=0) > 1e-9]
         return torques(fit, np.union1d(times, between), record=record)
-    usual = float(np.median(np.diff(fit.time[record]))) if len(fit.time[record]) > 1 else 0.05
+    usual = usual_step(fit.time[record]) if len(fit.time[record]) > 1 else 0.05
     # a gap is cut into the usual steps first
     pieces = np.maximum(np.ceil(np.diff(times) / (1.5 * usual)), 1.0).astype(int)
     base = np.interp(np.arange(pieces.sum() + 1), np.concatenate(([0], np.cumsum(pieces))), times)

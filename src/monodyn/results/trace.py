@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.errors import VideoError
 from monodyn.estimation.record.shared import moves_a_zero
 from monodyn.mechanism.upright import ROLL, ROLL_STD, by_roll, in_metres
@@ -238,7 +239,7 @@ def frame_numbers(times: np.ndarray, known: np.ndarray, numbers: np.ndarray) -> 
     Returns:
         Frame numbers, int (frame,).
     """
-    step = float(np.median(np.diff(known))) if len(known) > 1 else 1.0
+    step = usual_step(known) if len(known) > 1 else 1.0
     # within the record by interpolation, which also numbers missing frames; after it by the usual step
     count = np.interp(times, known, numbers)
     beyond = np.maximum(times - known[-1], 0.0) / step

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import energy
 from monodyn.types import Poses
@@ -308,7 +309,7 @@ def _against(foreground: np.ndarray, drawn: np.ndarray) -> float:
 
 def _lasting(touched: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Close short gaps between touches, then leave out short touches."""
-    short = max(1, round(GAP_SECONDS / float(np.median(np.diff(time)))))
+    short = max(1, round(GAP_SECONDS / usual_step(time)))
     return ~_without_short(~_without_short(touched, short, value=False), short, value=False)
 
 

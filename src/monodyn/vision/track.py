@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.mechanism.tree import HINGE
 from monodyn.types import Frame, Mask, Poses, Progress
 from monodyn.vision.drawing.follow import (
@@ -161,7 +162,7 @@ class Follower:
         reach = float(np.ptp(scene.mechanism.shapes.points[:, :2], axis=0).max())
         self._move = np.where(self._hinge, settings.move, settings.move * reach)
         self._known = dict(zip(scene.key_frames, scene.key_positions, strict=True))
-        step = float(np.median(np.diff(scene.masks.video.times)))
+        step = usual_step(scene.masks.video.times)
         self._motion = Motion(np.where(self._hinge, np.pi, reach), step)
         self._undrawn = ~np.isin(np.arange(len(self._lower)), self._rig.link)
         coloured = _have_own_planes(self._view.part, self._rig.link, len(self._lower))

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from monodyn.arrays import check_unbroken
+from monodyn.arrays import check_unbroken, usual_step
 from monodyn.errors import MechanismError, VideoError
 from monodyn.estimation.record.shared import end_to_end
 from monodyn.estimation.record.smooth import motion_size
@@ -231,7 +231,7 @@ def check_covered(log: TorqueLog, begin: float, end: float, what: str) -> None:
     Raises:
         VideoError: The log begins too late or ends too early.
     """
-    step = float(np.median(np.diff(log.time)))
+    step = usual_step(log.time)
     if log.time[0] > begin + step or log.time[-1] < end - step:
         raise VideoError(
             f"torques: expected a log of all of {what}, {begin:.4g} to {end:.4g} s, got one from "
@@ -313,9 +313,8 @@ def _filled(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Put stamps into gaps so that no step is over twice the usual one; also return rows of the old ones."""
     if len(times) < 2:
         return times, np.arange(len(times))
-    steps = np.diff(times)
     # the small share keeps a step of exactly twice the usual one whole, which rounding would split
-    parts = np.maximum(np.ceil(steps / (2.0 * np.median(steps)) - 1e-9), 1.0).astype(int)
+    parts = np.maximum(np.ceil(np.diff(times) / (2.0 * usual_step(times)) - 1e-9), 1.0).astype(int)
     at = np.concatenate(([0], np.cumsum(parts)))
     return np.interp(np.arange(at[-1] + 1), at, times), at
 

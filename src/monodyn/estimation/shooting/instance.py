@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from monodyn.arrays import plain
+from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dimensions import power
 from monodyn.mechanism.drive import Drive
 from monodyn.mechanism.plan import JOINT
@@ -19,9 +20,8 @@ class Instance:
     """The mechanism at one set of shared unknowns, with its derivatives by coordinate.
 
     Attributes:
-        tree: The joint tree.
-        drive: Torque over time.
-        directions: What each coordinate changes in both, the time scale in the drive alone.
+        mechanism: The mechanism.
+        directions: What each coordinate changes in its tree and its drive, the time scale in the drive alone.
         size: Metric scale of slides.
         dsize: Derivative of its logarithm, (param,).
         stretch: Seconds per stamped second.
@@ -31,8 +31,7 @@ class Instance:
         lag: How much later than in their log known torques act [s].
     """
 
-    tree: Tree
-    drive: Drive
+    mechanism: Mechanism
     directions: Directions
     size: float
     dsize: np.ndarray
@@ -41,6 +40,16 @@ class Instance:
     roll: float
     droll: np.ndarray
     lag: float
+
+    @property
+    def tree(self) -> Tree:
+        """The joint tree."""
+        return self.mechanism.tree
+
+    @property
+    def drive(self) -> Drive:
+        """Torque over time."""
+        return self.mechanism.drive
 
     @cached_property
     def slowed(self) -> Directions:

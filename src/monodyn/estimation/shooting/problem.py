@@ -110,7 +110,7 @@ class Problem:
         # the common scale is a weighted mean of logarithms: its derivatives are the weights, whatever x is
         size, stretch = self.size(x), self.stretch(x)
         return Instance(
-            mechanism.tree, mechanism.drive, directions, size, self.prior.weights, stretch, dstretch,
+            mechanism, directions, size, self.prior.weights, stretch, dstretch,
             self.roll(x), unknowns.only(ROLL), self.lag(mechanism),
         )  # fmt: skip
 

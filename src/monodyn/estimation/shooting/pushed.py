@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.estimation.shooting.accelerations import (
     SmoothMotion,
     known_torque,
@@ -71,7 +72,7 @@ def _lagged(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> list[np.nd
         return [x]
     i = unknowns.names.index(LAG)
     low, high = float(unknowns.lower[i]), float(unknowns.upper[i])
-    step = float(np.median(np.diff(np.unique(motion.time)))) / PER_FRAME if len(motion.time) > 1 else np.inf
+    step = usual_step(np.unique(motion.time)) / PER_FRAME if len(motion.time) > 1 else np.inf
     count = min(int((high - low) / step) + 2, MOST_LAGS)
     found = []
     for lag in np.append(np.linspace(low, high, count), x[i]):

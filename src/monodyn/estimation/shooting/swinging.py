@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.estimation.shooting.accelerations import SmoothMotion, mismatch_rows
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.mechanism.simulate import accelerations
@@ -74,7 +75,7 @@ def swing_of(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> Swing | N
     # what the other unknowns can explain is taken out of both rows and columns (variable projection)
     q, _ = np.linalg.qr(jacobian)
     rest, best = rows - q @ (q.T @ rows), None
-    pace = float(np.median(np.diff(np.unique(motion.time))))
+    pace = usual_step(np.unique(motion.time))
     for turns in np.arange(1.0, span / (SAMPLES * pace), STEP):
         rate = 2.0 * np.pi * turns / span
         waves = np.stack([np.cos(rate * motion.time), np.sin(rate * motion.time)], axis=-1)

@@ -17,6 +17,7 @@ from functools import partial
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import Smoothed, smooth
@@ -198,7 +199,7 @@ def _freedoms(mechanism: Mechanism, problem: Problem) -> list[tuple[str, list[st
     given = [p.name for p in mechanism.parameters if p.kind == "length" and not p.free]
     # with either of them open it would have taken up what the clock lacks
     if given and not unknown & {"gravity", "time_scale"}:
-        step = float(np.median(np.diff(problem.data.times)))
+        step = usual_step(problem.data.times)
 
         def rate(p: Problem, o: Optimum, _: float) -> str:
             scale = p.mechanism_at(o.x).values["time_scale"]

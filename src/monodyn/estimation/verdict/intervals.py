@@ -81,21 +81,26 @@ def estimates(
             std = np.inf
         elif p.follows:
             std = _std_along(columns[p.name], p.value, known)
-        one = stated(p, std, quantile, by_factor=errs_by_factor(unknowns, p))
-        found.append(replace(one, free=i >= 0, at_bound=i >= 0 and bool(optimum.at_bound[i])))
+        at_bound = i >= 0 and bool(optimum.at_bound[i])
+        by_factor = errs_by_factor(unknowns, p)
+        found.append(stated(p, std, quantile, by_factor=by_factor, free=i >= 0, at_bound=at_bound))
     if drawn is not None:
         found = [_from_draws(estimate, mechanism.parameter(estimate.name), drawn) for estimate in found]
     return tuple(found)
 
 
-def stated(p: Parameter, std: float, quantile: float, *, by_factor: bool) -> Estimate:
-    """Return a parameter with its interval, cut at its bounds; one that was not searched.
+def stated(
+    p: Parameter, std: float, quantile: float, *, by_factor: bool, free: bool, at_bound: bool
+) -> Estimate:
+    """Return a parameter with its interval, cut at its bounds.
 
     Args:
         p: The parameter, with its value.
         std: Its standard deviation; 0 where it is known exactly, infinite where nothing is known of it.
         quantile: Half width of an interval in standard deviations.
         by_factor: Whether its error is a factor.
+        free: Whether it was searched.
+        at_bound: Whether it ended on a bound.
     """
     value, lower, upper = float(p.value), p.lower, p.upper
     if std == 0.0:
@@ -106,7 +111,7 @@ def stated(p: Parameter, std: float, quantile: float, *, by_factor: bool) -> Est
         clear = determined(value, std, by_factor=by_factor)
     else:
         clear = False
-    return Estimate(p.name, value, std, lower, upper, p.unit, free=False, identifiable=clear, at_bound=False)
+    return Estimate(p.name, value, std, lower, upper, p.unit, free, clear, at_bound)
 
 
 def errs_by_factor(unknowns: Unknowns, p: Parameter) -> bool:

@@ -106,16 +106,16 @@ def knowledge_at(problem: Problem, x: np.ndarray, jacobian: np.ndarray, pieces: 
     return _known(problem.unknowns, x, covariance, blind, full)
 
 
-def knowledge_of(unknowns: Unknowns, x: np.ndarray, information: np.ndarray) -> Knowledge:
-    """Compute covariance and identifiability from the information about the unknowns and one start state.
+def covariance_of(unknowns: Unknowns, information: np.ndarray) -> np.ndarray:
+    """Return the covariance that the information about the unknowns and one start state leaves.
 
     Args:
         unknowns: The unknowns.
-        x: Coordinates of the optimum, (param,).
         information: Second derivatives of the cost by unknowns and start state, (unknown, unknown).
 
     Returns:
-        What is known; open directions are those of ``knowledge_at``, but for what rounding hides in squares.
+        Covariance of both, (unknown, unknown), as ``Knowledge.full``; open directions are left out of it,
+        but for what rounding hides in squares.
     """
     count = len(unknowns)
     states, cross = information[count:, count:], information[count:, :count]
@@ -127,10 +127,9 @@ def knowledge_of(unknowns: Unknowns, x: np.ndarray, information: np.ndarray) -> 
     left = information[:count, :count] - cross.T @ gain
     size = np.sqrt(np.maximum(np.diag(left), 1e-300))
     values, vectors = np.linalg.eigh(left / np.outer(size, size))
-    covariance, blind = _split(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size, unknowns)
+    covariance, _ = _split(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size, unknowns)
     nothing = np.zeros((count, 0))
-    full = _with_states(covariance, nothing, [_Local(inverse, gain, np.zeros((len(states), 0)))])
-    return _known(unknowns, x, covariance, blind, full)
+    return _with_states(covariance, nothing, [_Local(inverse, gain, np.zeros((len(states), 0)))])
 
 
 def without_states(jacobian: np.ndarray, count: int, pieces: Pieces) -> np.ndarray:
@@ -179,7 +178,7 @@ def whitened_shifts(data: Data) -> np.ndarray:
     rows, dofs = data.position.shape
     if data.shifts is None:
         return np.zeros((rows, dofs, 0))
-    return np.einsum("fij,kfj->fik", data.white, data.shifts)
+    return data.white @ np.moveaxis(data.shifts, 0, 2)
 
 
 def _split(triangle: np.ndarray, unknowns: Unknowns) -> tuple[np.ndarray, np.ndarray]:

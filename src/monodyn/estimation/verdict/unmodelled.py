@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from monodyn.arrays import usual_step
 from monodyn.estimation.parts import Unmodelled
 from monodyn.estimation.verdict.refine import Refined
 
@@ -98,7 +99,7 @@ def wander(found: Refined) -> tuple[Wander, np.ndarray]:
     begins = np.zeros(len(clock), dtype=np.bool_)
     begins[trial.pieces.first[:-1]] = True
     spread = np.nanmean(residual**2, axis=0)
-    unknown = UNKNOWN * spread / float(np.median(np.diff(clock))) ** 2
+    unknown = UNKNOWN * spread / usual_step(clock) ** 2
     return Wander(white**2, carried, np.diff(clock, prepend=clock[0]), begins, np.tile(unknown, 2)), residual
 
 
@@ -122,7 +123,7 @@ def unmodelled(found: Refined) -> Unmodelled | None:
     larger = np.sqrt(np.nanmean(residual**2 / about.variance, axis=0)) > LARGER
     if not np.any(larger & (noise.correlation > SLOWER)):
         return None
-    spread, pace = np.nanmean(residual**2, axis=0), float(np.median(np.diff(found.carried_along[0])))
+    spread, pace = np.nanmean(residual**2, axis=0), usual_step(found.carried_along[0])
     density = np.zeros(len(spread))
     for _ in range(SWEEPS):
         for dof in range(len(density)):

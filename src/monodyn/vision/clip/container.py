@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.errors import VideoError
 from monodyn.types import Frame
 from monodyn.vision.clip.orientation import Turn, square_size, turn_of, upright_planes
@@ -113,7 +114,7 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
     if rate is None:
         shown = without_pauses(ticks, float(opening.base), notes)
         times, tick = clock_of(shown, opening.base, opening.rates)
-        if tick > COARSE * float(np.median(np.diff(times))):
+        if tick > COARSE * usual_step(times):
             notes.append(
                 f"The time stamps are rounded to {1e3 * tick:.3g} ms and follow no constant rate; the "
                 "rounding counts as noise."
@@ -310,7 +311,7 @@ def _note_missing(path: Path, times: np.ndarray, notes: list[str]) -> None:
         duration = float(container.duration) / 1e6 if container.duration else 0.0
         start = float(container.start_time) / 1e6 if container.start_time else 0.0
         alone = len(container.streams) == 1
-    step = float(np.median(np.diff(times)))
+    step = usual_step(times)
     # some formats count their duration from time 0, others from the first stamp
     end = max(times[-1], times[-1] - start)
     # the duration is that of the longest stream: with sound it gives no information about the pictures

@@ -17,6 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.arrays import usual_step
+
 UNITS = (Fraction(1, 1000), Fraction(1, 100))
 """Ticks of Matroska and GIF [s]: a file made from one of them keeps the rounding under a finer tick."""
 NTSC = Fraction(1000, 1001)
@@ -113,7 +115,7 @@ def without_pauses(counts: np.ndarray, unit: float, notes: list[str]) -> np.ndar
 
 def _shortest_jump(times: np.ndarray) -> float:
     """Return the time between two frames above which it is a jump [s]."""
-    return max(JUMP, JUMP_STEPS * float(np.median(np.diff(times)))) if len(times) > 1 else JUMP
+    return max(JUMP, JUMP_STEPS * usual_step(times)) if len(times) > 1 else JUMP
 
 
 class Steps(NamedTuple):

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from monodyn.arrays import usual_step
 from monodyn.errors import VideoError
 from monodyn.vision.formats.table import PointTable, check_width, number, rows_of, separator_of
 
@@ -203,7 +204,7 @@ def _kind(words: list[str], times: np.ndarray) -> tuple[str, str]:
     """Return what numbers in order are (frames, s or ms), or nothing, and what they look like."""
     if len(times) < 2:
         return "", "a single number"
-    step = float(np.median(np.diff(times)))
+    step = usual_step(times)
     if OF_FRAMES[0] <= step < OF_FRAMES[1] and np.array_equal(times, np.round(times)):
         return "frames", ""
     if OF_MILLISECONDS[0] <= step <= OF_MILLISECONDS[1]:

@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from monodyn.arrays import check_unbroken
+from monodyn.arrays import check_unbroken, usual_step
 from monodyn.choices import check_choice, check_endless
 from monodyn.errors import VideoError
 from monodyn.names import meant, near_files
@@ -258,7 +258,7 @@ def _numbered(table: PointTable, clip: Video | None) -> np.ndarray:
         return np.arange(count)
     if clip is not None and clip.count > 1 and not table.doubt:
         near = np.searchsorted(0.5 * (clip.times[1:] + clip.times[:-1]), time)
-        most = 0.5 * float(np.median(np.diff(clip.times)))
+        most = 0.5 * usual_step(clip.times)
         if np.all(np.diff(near) > 0) and np.abs(clip.times[near] - time).max() < most:
             return near
     steps = np.diff(time)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
+from monodyn.arrays import usual_step
 from monodyn.types import FULL, Poses
 from monodyn.vision.drawing.blurred import covered_part, times_of
 from monodyn.vision.drawing.edges import MOST_SAMPLES
@@ -190,7 +191,7 @@ def exposure_of(scene: Scene, poses: Poses) -> Exposure:
     """
     if len(poses) < LEAST_ROWS:
         return SHARP
-    step = float(np.median(np.diff(poses.time)))
+    step = usual_step(poses.time)
     _, rate, acceleration = motion(poses)
     whole, bend = rate * step, acceleration * step**2 / 8.0
     samples = {frame.index: frame for frame in scene.masks.samples.frames}
