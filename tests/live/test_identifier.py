@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,7 +15,6 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.live.identifier import Cut, Identifier
 from monodyn.live.record import Record, joined
 from monodyn.live.settings import LiveSettings
-from monodyn.live.stream import Session
 from monodyn.types import Poses
 
 RATE = 30.0
@@ -150,51 +148,51 @@ def estimating(begun, monkeypatch):
     return identifier, horizon, taken
 
 
-def test_where_poses_are_late_identification_rests_for_as_long_as_it_took(estimating):
+def test_where_poses_come_faster_than_it_works_identification_rests_for_as_long_as_it_took(estimating):
     identifier, horizon, taken = estimating
     horizon.takes = 1.0
-    # the first one is done at 1, however much later that is looked at
-    for frame, at in ((45, 0.0), (46, 1.2), (47, 1.9), (48, 2.0)):
-        taken(frame, at, late=True)
-    # without delay there is no rest
-    for frame in (49, 50):
-        taken(frame, 3.1, late=False)
+    # done at 1, so that it rests until 2
+    taken(45, 0.0)
+    two_wait(identifier, taken)
+    taken(48, 1.9)
+    taken(49, 2.0)
+    # one that waits alone is taken at once
+    taken(50, 2.5)
     identifier.settle(lambda job: job.result())
-    assert horizon.given == [[45], [46, 47, 48], [49], [50]]
+    assert horizon.given == [[45], [46, 47, 48, 49], [50]]
+
+
+def test_nor_does_who_waits_for_it_begin_before_it_has_rested(estimating):
+    identifier, horizon, taken = estimating
+    horizon.takes = 1.0
+    taken(45, 0.0)
+    two_wait(identifier, taken)
+    assert not identifier.settle(lambda job: job.result())
+    assert horizon.given == [[45]]
 
 
 def test_what_waits_when_the_clock_breaks_is_of_the_motion_before(estimating):
     identifier, horizon, taken = estimating
     horizon.takes = 1.0
-    taken(45, 0.0, late=True)
-    taken(46, 1.5, late=True)
-    taken(47, 1.6, late=True, broken=True)
-    taken(48, 3.0)
+    taken(45, 0.0)
+    two_wait(identifier, taken)
+    taken(48, 1.6, broken=True)
+    taken(49, 5.0)
     identifier.settle(lambda job: job.result())
-    assert horizon.given == [[45], [46], [], [47, 48]]
+    assert horizon.given == [[45], [46, 47], [], [48], [49]]
 
 
-@pytest.mark.parametrize(
-    ("live", "after", "late"), [(True, 0.5, True), (True, 0.0, False), (False, 0.5, False)]
-)
-def test_poses_are_late_where_the_next_frame_is_there_before_them(live: bool, after: float, late: bool):
-    """Of a source that does not wait alone: the same frames of another one give the same numbers."""
-    told: list[Any] = []
-    identifier: Any = SimpleNamespace(
-        take=lambda pose, **how: told.append(how), settle=lambda wait: told.append("settled"),
-        estimate=None, base=None,
-    )  # fmt: skip
-    frame = SimpleNamespace(index=2, time=0.2)
-    session: Any = SimpleNamespace(
-        source=SimpleNamespace(live=live), last=SimpleNamespace(time=0.1), identifier=identifier, found=None,
-        _clock=SimpleNamespace(take=lambda frame: (frame, False)), _expected=lambda time: None,
-        _tracker=SimpleNamespace(follow=lambda frame, expected: rows(2, 3)), _phase="following",
-        _feed=SimpleNamespace(waits=None, skipped=0), _sentence=lambda pose: "",
-        _foreseen=SimpleNamespace(add=lambda pose, estimate: np.zeros(0)),
-    )  # fmt: skip
-    arrival: Any = SimpleNamespace(frame=frame, at=time.perf_counter() - after)
-    Session._step(session, arrival)
-    assert told == [{"broken": False, "late": late}, *([] if late else ["settled"])]
+def two_wait(identifier: Identifier, taken: Any) -> None:
+    """Have two poses come while what came before is identified."""
+    busy, identifier._estimating = (
+        identifier._estimating,
+        SimpleNamespace(  # pyright: ignore
+            done=lambda: False, result=lambda: None
+        ),
+    )
+    taken(46, 1.2)
+    taken(47, 1.4)
+    identifier._estimating = busy
 
 
 def test_verdict_and_status_are_those_of_the_fit_that_the_estimate_rests_on(begun):

@@ -100,14 +100,12 @@ class Window:
         """
         problem = self.problem
         of = problem.mechanism, problem.unknowns, problem.prior.weights, self.regrouped
-        known = trial.recalled("shown", of)
-        return known or trial.remember("shown", of, self._shown(problem.instance(trial), trial.x))
-
-    def _shown(self, instance: Instance, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the motion depends on for a mechanism at coordinates (param,), as ``shown`` does."""
+        known, instance, x = trial.recalled("shown", of), problem.instance(trial), trial.x
+        if known is not None:
+            return known
         if not self.regrouped:
             return x, np.eye(len(x))
-        problem, tree, steps = self.problem, instance.tree, instance.directions
+        tree, steps = instance.tree, instance.directions
         # one tree more, without a step, where there may be no unknown at all
         links, gravity = (
             np.concatenate((value[..., None] + 1j * STEP * slopes, value[..., None]), axis=-1)
@@ -120,7 +118,7 @@ class Window:
             lines.append(problem.prior.weights[None])
         more = np.concatenate(lines)
         slopes = np.concatenate((np.imag(found[:, :-1]) / STEP, more))
-        return np.concatenate((np.real(found[:, -1]), more @ x)), slopes
+        return trial.remember("shown", of, (np.concatenate((np.real(found[:, -1]), more @ x)), slopes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +193,7 @@ class Refitted:
         """Covariance of unknowns and state at the first row, (param + 2 dof, param + 2 dof); directions that
         nothing determines are left out of it. What moves all positions together is no noise: it moves the
         optimum as a whole."""
-        alone = covariance_of(self.window.problem.unknowns, self.information)
+        alone, _ = covariance_of(self.window.problem.unknowns, self.information)
         moved = alone @ self.pulled
         return alone + moved @ moved.T
 
@@ -407,8 +405,8 @@ def _pulled(data: Data, jacobian: np.ndarray) -> np.ndarray:
     """Return how the gradient of rows (row, dof, column) follows what moves all of their positions, (column,
     direction)."""
     # a residual is the simulated less the measured position
-    shifts = whitened_shifts(data)
-    return -jacobian.reshape(-1, jacobian.shape[2]).T @ shifts.reshape(-1, shifts.shape[2])
+    shifts, samples = whitened_shifts(data), jacobian.shape[0] * jacobian.shape[1]
+    return -jacobian.reshape(samples, -1).T @ shifts.reshape(samples, shifts.shape[2])
 
 
 def _explained(window: Window, trial: Trial) -> bool:
@@ -439,5 +437,4 @@ def _whole(model: Arrow) -> np.ndarray:
 
 def _trial(window: Window, x: np.ndarray, state: np.ndarray) -> Trial:
     pieces = Pieces(np.array([0, len(window.times)]), np.array([0]))
-    states = np.asarray(state, dtype=float)[None]
-    return Trial(np.asarray(x, dtype=float), states, pieces, window.substeps)
+    return Trial(np.asarray(x, dtype=float), np.asarray(state, dtype=float)[None], pieces, window.substeps)

@@ -127,8 +127,11 @@ def _by_joint(joints: Sequence[str], values: np.ndarray) -> dict[str, float | No
 
 def _listed(values: np.ndarray) -> list[Any]:
     """Return the numbers of an array (row,) or (row, dof), None where one has no end."""
-    finite = np.isfinite(values)
-    return (values if finite.all() else np.where(finite, values.astype(object), None)).tolist()
+    finite, listed = np.isfinite(values), values
+    if not finite.all():
+        listed = values.astype(object)
+        listed[~finite] = None
+    return listed.tolist()
 
 
 def _finite(value: float | None) -> float | None:

@@ -116,18 +116,17 @@ class Identifier:
             self._recorded(begun.later)
         self._begun, self.estimate = self._seen, begun.estimate
 
-    def take(self, pose: Poses, *, broken: bool = False, late: bool = False) -> None:
+    def take(self, pose: Poses, *, broken: bool = False) -> None:
         """Take the next pose, and identify with it as soon as the one before is done.
 
         Args:
             pose: One row.
             broken: True where it is not known how much time has passed since the one before.
-            late: True where poses come later than frames: then what identifies rests for as long as it has
-                worked, which leaves the interpreter to what follows.
         """
         now = float(pose.time[0])
         if broken:
             # what waits is of the motion before
+            self._rests = -math.inf
             self._submit()
             self.settle(Future.exception)
             self._horizon = None if self._horizon is None else self._horizon.broken_off()
@@ -135,8 +134,7 @@ class Identifier:
         if self._horizon is not None:
             self._pending.append(pose)
         self._collect()
-        if not late or time.perf_counter() >= self._rests:
-            self._submit()
+        self._submit()
         self._look_again(now)
         if self._in_order:
             self._wait_for_all()
@@ -189,14 +187,20 @@ class Identifier:
             worker.shutdown(wait=True, cancel_futures=True)
 
     def _submit(self) -> None:
-        """Hand the pending poses to the worker that identifies frame by frame, once it is free."""
+        """Hand the pending poses to the worker that identifies frame by frame, once it is free.
+
+        Where poses come faster than it works, it rests for as long as it has worked before it takes all that
+        wait: that leaves the interpreter, which threads share, to what follows the mechanism.
+        """
         if self._horizon is None or self._estimating is not None or not self._pending:
+            return
+        if len(self._pending) > 1 and time.perf_counter() < self._rests:
             return
         rows, self._pending = joined(self._pending), []
         self._estimating = self._quick.submit(self._estimated, self._horizon, rows)
 
     def _estimated(self, horizon: Horizon, poses: Poses) -> Estimate | None:
-        """Estimate anew with poses, and rest as long if they come late."""
+        """Estimate anew with poses, and tell until when to rest if more of them wait."""
         began = time.perf_counter()
         found = horizon.add(poses)
         now = time.perf_counter()

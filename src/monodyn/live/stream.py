@@ -171,10 +171,9 @@ class Session:
             if self._tracker is not None:
                 pose = self.identifier.record.last
         latency, fresh = time.perf_counter() - arrival.at, None
-        late = self.source.live and self.last is not None and latency > frame.time - self.last.time
         if tracker is not None and pose is not None:
-            self.identifier.take(pose, broken=broken, late=late)
-        if self._tracker is not None and not late and self.identifier.settle(self._feed.waits):
+            self.identifier.take(pose, broken=broken)
+        if self._tracker is not None and self.identifier.settle(self._feed.waits):
             fresh = time.perf_counter() - arrival.at
         estimate, base = self.identifier.estimate, self.identifier.base
         errors = self._foreseen.add(pose, estimate)

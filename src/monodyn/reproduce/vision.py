@@ -174,7 +174,7 @@ class _Watch:
     @property
     def median(self) -> float:
         """Median time between two calls [s]."""
-        return usual_step(self.times) if len(self.times) > 1 else 0.0
+        return usual_step(np.array(self.times)) if len(self.times) > 1 else 0.0
 
 
 def _published(masks: Masks, mechanism: Mechanism, framework: Framework, progress: Progress | None) -> Scene:

@@ -106,7 +106,7 @@ def knowledge_at(problem: Problem, x: np.ndarray, jacobian: np.ndarray, pieces: 
     return _known(problem.unknowns, x, covariance, blind, full)
 
 
-def covariance_of(unknowns: Unknowns, information: np.ndarray) -> np.ndarray:
+def covariance_of(unknowns: Unknowns, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the covariance that the information about the unknowns and one start state leaves.
 
     Args:
@@ -114,8 +114,8 @@ def covariance_of(unknowns: Unknowns, information: np.ndarray) -> np.ndarray:
         information: Second derivatives of the cost by unknowns and start state, (unknown, unknown).
 
     Returns:
-        Covariance of both, (unknown, unknown), as ``Knowledge.full``; open directions are left out of it,
-        but for what rounding hides in squares.
+        Covariance of both, (unknown, unknown), as ``Knowledge.full``, and a basis of the directions that are
+        open and left out of it, but for what rounding hides in squares, (param, direction).
     """
     count = len(unknowns)
     states, cross = information[count:, count:], information[count:, :count]
@@ -127,9 +127,9 @@ def covariance_of(unknowns: Unknowns, information: np.ndarray) -> np.ndarray:
     left = information[:count, :count] - cross.T @ gain
     size = np.sqrt(np.maximum(np.diag(left), 1e-300))
     values, vectors = np.linalg.eigh(left / np.outer(size, size))
-    covariance, _ = _split(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size, unknowns)
+    covariance, blind = _split(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size, unknowns)
     nothing = np.zeros((count, 0))
-    return _with_states(covariance, nothing, [_Local(inverse, gain, np.zeros((len(states), 0)))])
+    return _with_states(covariance, nothing, [_Local(inverse, gain, np.zeros((len(states), 0)))]), blind
 
 
 def without_states(jacobian: np.ndarray, count: int, pieces: Pieces) -> np.ndarray:

@@ -81,7 +81,8 @@ def follow(
     return position, information, agreement_of(found)
 
 
-@njit(cache=True, nogil=True)
+# as short as ``sighted``, which comes after it
+@njit(cache=True)
 def outline_box(rig: Rig, position: np.ndarray) -> tuple[float, float, float, float]:
     """Return where the outline of a pose lies.
 

@@ -55,7 +55,8 @@ class Rule(NamedTuple):
     coloured: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+# short enough to be done at a stretch: whoever leaves the interpreter has to wait for it afterwards
+@njit(cache=True)
 def sighted(
     planes: np.ndarray,
     view: View,
