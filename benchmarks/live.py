@@ -245,7 +245,7 @@ def paced(rate: int) -> list[Figure]:
 
     Returns:
         Frames that were skipped, or came without having been identified with, and how long poses and what
-        was identified took from the arrival of their frames.
+        was identified took from the arrival of their frames; the processor time that other machines had.
     """
     clip, case = _drawn(PACED[rate]), f"{rate} frames a second"
     say("  compiled first ...")
@@ -255,7 +255,9 @@ def paced(rate: int) -> list[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         lines = Path(folder) / "lines.ndjson"
         words = ["live", str(clip.video), "--model", str(clip.model), "--pace", "real", "--quiet"]
+        before = _taken_away()
         subprocess.run([*monodyn_command(), *words, "--ndjson", str(lines)], check=False)
+        taken = _taken_away() - before
         steps = [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines()]
     followed_ = [step for step in steps if step["phase"] == "following"]
     # what waited while the mechanism was looked for is identified with together, before the first
@@ -273,7 +275,18 @@ def paced(rate: int) -> list[Figure]:
         Figure(case, "pose, 99 of 100", float(pose[1]), "ms", None if usual else 16.0),
         Figure(case, "identified, median", float(known[0]), "ms"),
         Figure(case, "identified, 99 of 100", float(known[1]), "ms", 33.0 if usual else None),
+        Figure(case, "processor time taken away meanwhile", taken, "s"),
     ]
+
+
+def _taken_away() -> float:
+    """Return the processor time that other machines have had of this one's cores so far [s]; NaN where the
+    system does not tell: Linux alone does, and where it is the only one it is 0."""
+    try:
+        stolen = Path("/proc/stat").read_text(encoding="ascii").split(maxsplit=9)[8]
+    except OSError:
+        return np.nan
+    return int(stolen) / os.sysconf("SC_CLK_TCK")
 
 
 def memory(seconds: float) -> list[Figure]:

@@ -92,6 +92,7 @@ def test_a_window_that_slides_frame_by_frame_ends_where_the_batch_fit_does(start
     assert np.abs(apart / scale).max() < 0.1
     assert np.allclose(np.sqrt(np.diag(now.covariance)) / scale, 1.0, atol=0.03)
     assert np.allclose(nothing_determines(found), nothing_determines(batch), atol=1e-3)
+    assert nothing_determines(found).any() == (start == "none given")
     assert np.median(evaluations) <= 4
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import threading
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -120,9 +121,11 @@ class Estimating:
 
     def __init__(self, now: list[float]) -> None:
         self.given: list[list[int]] = []
-        self.now, self.takes = now, 0.0
+        self.now, self.takes, self.goes_on = now, 0.0, threading.Event()
+        self.goes_on.set()
 
     def add(self, poses: Poses) -> None:
+        self.goes_on.wait()
         self.given.append(poses.frame.tolist())
         self.now[0] += self.takes
 
@@ -184,15 +187,25 @@ def test_what_waits_when_the_clock_breaks_is_of_the_motion_before(estimating):
 
 def two_wait(identifier: Identifier, taken: Any) -> None:
     """Have two poses come while what came before is identified."""
-    busy, identifier._estimating = (
-        identifier._estimating,
-        SimpleNamespace(  # pyright: ignore
-            done=lambda: False, result=lambda: None
-        ),
-    )
+    busy = identifier._estimating
+    assert busy is not None
+    busy.result()
+    identifier._estimating = cast("Any", SimpleNamespace(done=lambda: False, result=lambda: None))
     taken(46, 1.2)
     taken(47, 1.4)
     identifier._estimating = busy
+
+
+def test_what_waits_is_handed_over_before_a_break_that_comes_while_it_works(estimating):
+    identifier, horizon, taken = estimating
+    horizon.takes = 1.0
+    horizon.goes_on.clear()
+    taken(45, 0.0)
+    for frame in (46, 47):
+        identifier.take(rows(frame, frame + 1))
+    threading.Timer(0.1, horizon.goes_on.set).start()
+    identifier.take(rows(48, 49), broken=True)
+    assert horizon.given[:3] == [[45], [46, 47], []]
 
 
 def test_verdict_and_status_are_those_of_the_fit_that_the_estimate_rests_on(begun):

@@ -92,8 +92,7 @@ class Window:
         return replace(self, problem=self.problem.with_data(data.scaled(factors)), substeps=substeps)
 
     def shown(self, trial: Trial) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the motion depends on, (feature,), and its derivatives, (feature, param); the trial
-        keeps them.
+        """Return what the motion depends on, (feature,), and its derivatives, (feature, param).
 
         Args:
             trial: Unknowns and start state.

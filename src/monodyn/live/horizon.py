@@ -163,7 +163,10 @@ class Estimate:
             if p.free or p.std != 0.0 or now.value != p.value:
                 std = self.std.get(p.name, p.std)
                 by_factor = errs_by_factor(unknowns, now)
-                p = stated(now, std, SURELY, by_factor=by_factor, free=p.free, at_bound=p.at_bound)
+                one = stated(now, std, SURELY, by_factor=by_factor, free=p.free, at_bound=p.at_bound)
+                # what is determined is said with the verdict
+                known = p.identifiable
+                p = one if one.identifiable == known else replace(one, identifiable=known)
             parameters.append(p)
         dofs = len(mechanism.joints)
         position, velocity = np.split(self.found.state, 2)
@@ -292,7 +295,7 @@ class Horizon:
     def _with(self, poses: Poses) -> Window:
         """Return the window with rows, and with what acted meanwhile."""
         acted = self._acting(float(poses.time[0]), float(poses.time[-1]))
-        rows = poses if acted is None else replace(poses, torques=acted)
+        rows = poses if acted is poses.torques else replace(poses, torques=acted)
         return self._window.on(rows, self._noise, self._common)
 
     def _begun(self, window: Window) -> np.ndarray:
@@ -402,7 +405,8 @@ def _inverses(matrices: np.ndarray) -> np.ndarray:
     except np.linalg.LinAlgError:
         return np.linalg.pinv(matrices)
     # for most motions this is all, in a fifth of the time
-    size = np.abs(matrices).max(axis=(1, 2)) * np.abs(inverses).max(axis=(1, 2))
+    with np.errstate(over="ignore"):
+        size = np.abs(matrices).max(axis=(1, 2)) * np.abs(inverses).max(axis=(1, 2))
     return inverses if np.all(size < SURE) else np.linalg.pinv(matrices)
 
 

@@ -126,9 +126,8 @@ class Identifier:
         now = float(pose.time[0])
         if broken:
             # what waits is of the motion before
-            self._rests = -math.inf
-            self._submit()
-            self.settle(Future.exception)
+            self._submit(rest=False)
+            self.settle(Future.exception, rest=False)
             self._horizon = None if self._horizon is None else self._horizon.broken_off()
         self._recorded(pose, broken=broken)
         if self._horizon is not None:
@@ -164,11 +163,12 @@ class Identifier:
         """Let the motion begin anew; it is identified as soon as it has gone on for long enough."""
         self.cut, self._next = Cut(now, why), now + self._live.begin
 
-    def settle(self, give_up: Callable[[Future[Any]], object]) -> bool:
+    def settle(self, give_up: Callable[[Future[Any]], object], *, rest: bool = True) -> bool:
         """Wait for what is being identified.
 
         Args:
             give_up: Waits for the future or until there is something better to do.
+            rest: Leave what waits waiting where what identifies is to rest.
 
         Returns:
             Whether what is known is that of the last pose.
@@ -178,7 +178,7 @@ class Identifier:
             if not self._estimating.done():
                 return False
             self._collect()
-            self._submit()
+            self._submit(rest=rest)
         return self._fresh and not self._pending
 
     def close(self) -> None:
@@ -186,7 +186,7 @@ class Identifier:
         for worker in (self._quick, self._long):
             worker.shutdown(wait=True, cancel_futures=True)
 
-    def _submit(self) -> None:
+    def _submit(self, *, rest: bool = True) -> None:
         """Hand the pending poses to the worker that identifies frame by frame, once it is free.
 
         Where poses come faster than it works, it rests for as long as it has worked before it takes all that
@@ -194,7 +194,7 @@ class Identifier:
         """
         if self._horizon is None or self._estimating is not None or not self._pending:
             return
-        if len(self._pending) > 1 and time.perf_counter() < self._rests:
+        if rest and len(self._pending) > 1 and time.perf_counter() < self._rests:
             return
         rows, self._pending = joined(self._pending), []
         self._estimating = self._quick.submit(self._estimated, self._horizon, rows)
@@ -267,4 +267,4 @@ class Identifier:
             jobs: list[Future[Any]] = [job for job in (self._estimating, self._review) if job is not None]
             wait(jobs)
             self._collect()
-            self._submit()
+            self._submit(rest=False)
