@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import monodyn
-from monodyn.arrays import check_unbroken, frozen, increasing, plain
+from monodyn.arrays import check_unbroken, clock, frozen, increasing, plain, usual_step
 from monodyn.errors import MonodynError, SettingsError, VideoError
 from monodyn.mechanism.simulate import rollout
 from monodyn.types import Poses
@@ -130,3 +130,21 @@ def swinging() -> Poses:
     position, _ = rollout(monodyn.load("single").tree, time, np.array([0.5]), np.array([0.0]), substeps=8)
     covariance, seen = np.full((40, 1, 1), 1e-6), np.ones(40, dtype=bool)
     return Poses(("joint1",), np.arange(40), time, position, covariance, seen)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 9])
+def test_the_usual_step_is_the_median_of_the_steps(count: int) -> None:
+    times = np.cumsum(np.random.default_rng(count).exponential(size=count))
+    assert usual_step(times) == np.median(np.diff(times))
+
+
+def test_a_single_time_has_no_step() -> None:
+    assert np.isnan(usual_step(np.zeros(1)))
+
+
+@pytest.mark.parametrize(
+    "wrong", [[0.0, np.nan], [np.nan, 1.0], [0.0, np.inf], [0.0, 1e31], [0.0, 1e-10], [1.0, 0.0]]
+)
+def test_what_no_clock_shows_is_refused(wrong: list[float]) -> None:
+    with pytest.raises(MonodynError, match="times"):
+        clock("times", np.array(wrong))

@@ -1,4 +1,4 @@
-"""Shape checks for the arrays that flow between the stages."""
+"""Checks of the arrays that flow between the stages, and the usual step of their times."""
 
 from __future__ import annotations
 

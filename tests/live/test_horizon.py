@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.live.horizon import Estimate, Horizon, horizon_of
+from monodyn.live.horizon import Estimate, Horizon, _inverses, horizon_of
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import load
 from monodyn.stages import identify
@@ -101,3 +102,35 @@ def test_a_long_stretch_of_a_wild_motion_leaves_the_window_as_it_was_known(dampi
         assert abs(now.value - truth.values[name]) < 2.0 * now.std
     # the window begins no later than it has to
     assert found.time[0] == pytest.approx(times[-1] - 1.0, abs=0.07)
+
+
+def test_between_its_rows_a_prediction_is_a_cubic(estimates: list[Estimate]) -> None:
+    future = estimates[-1].future
+    wanted = CubicHermiteSpline(future.time, future.position, future.velocity)
+    for time in np.linspace(future.time[0], future.time[-1], 23).tolist():
+        position, velocity = estimates[-1].state(time)
+        assert np.allclose(position, wanted(time), rtol=1e-12, atol=1e-12)
+        assert np.allclose(velocity, wanted(time, 1), rtol=1e-9, atol=1e-9)
+    for beyond, end in ((-1.0, 0), (1.0, -1)):
+        position, velocity = estimates[-1].state(float(future.time[end]) + beyond)
+        assert np.allclose(position, future.position[end])
+        assert np.allclose(velocity, future.velocity[end])
+
+
+def test_what_is_held_and_what_is_determined_is_said_with_the_verdict(estimates: list[Estimate]) -> None:
+    last = estimates[-1]
+    unclear = replace(last.base.parameter("link1.length"), identifiable=False)
+    parameters = tuple(unclear if p.name == unclear.name else p for p in last.base.parameters)
+    found = replace(last, base=replace(last.base, parameters=parameters)).fit
+    for before, now in zip(parameters, found.parameters, strict=True):
+        kept = ("name", "unit", "free", "identifiable", "at_bound")
+        assert [getattr(now, name) for name in kept] == [getattr(before, name) for name in kept]
+        assert now.value == last.found.mechanism.parameter(now.name).value
+        if now.name in FIXED:
+            assert now == before
+
+
+@pytest.mark.parametrize("least", [1.0, 1e-6, 1e-18, 0.0])
+def test_what_has_shrunk_to_nothing_is_left_out_of_an_inverse(least: float) -> None:
+    matrices = np.stack([np.eye(2), np.array([[1.0, 0.5], [0.0, least]])])
+    assert np.allclose(_inverses(matrices), np.linalg.pinv(matrices), rtol=1e-9)

@@ -185,6 +185,16 @@ def test_what_waits_when_the_clock_breaks_is_of_the_motion_before(estimating):
     assert horizon.given == [[45], [46, 47], [], [48], [49]]
 
 
+def test_where_every_pose_waits_for_what_is_identified_nothing_rests(estimating):
+    """The same poses give the same numbers, however long each of them took."""
+    identifier, horizon, taken = estimating
+    identifier._in_order, horizon.takes = True, 1.0
+    taken(45, 0.0)
+    identifier._pending = [rows(46, 47)]
+    taken(47, 1.1)
+    assert horizon.given == [[45], [46, 47]]
+
+
 def two_wait(identifier: Identifier, taken: Any) -> None:
     """Have two poses come while what came before is identified."""
     busy = identifier._estimating

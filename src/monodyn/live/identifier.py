@@ -133,7 +133,7 @@ class Identifier:
         if self._horizon is not None:
             self._pending.append(pose)
         self._collect()
-        self._submit()
+        self._submit(rest=not self._in_order)
         self._look_again(now)
         if self._in_order:
             self._wait_for_all()
