@@ -39,13 +39,26 @@ def rows():
 
 
 @pytest.fixture(scope="module")
-def whole(started, rows):
-    fit = identify(rows, started, IdentifySettings(torque="friction"))
+def fit(started, rows):
+    return identify(rows, started, IdentifySettings(torque="friction"))
+
+
+@pytest.fixture(scope="module")
+def whole(fit, started, rows):
+    return optimum(fit, started, rows)
+
+
+def optimum(fit, started, rows):
     window = window_of(fit, started, rows)
     return refit(window, None, *start_of(fit, window), settings=EXACT)
 
 
-def test_without_a_belief_it_is_the_batch_fit(whole, started, rows):
+@pytest.mark.parametrize("moved", [False, True])
+def test_without_a_belief_it_is_the_batch_fit(fit, started, rows, moved):
+    """Also where something moves all positions together."""
+    if moved:
+        rows = replace(rows, shifts=0.01 * np.stack([np.sin(rows.position), np.ones_like(rows.position)]))
+    whole = optimum(fit, started, rows)
     problem = posed(whole.window.problem.mechanism, prepare([rows], started), near=True)
     begun = Trial(whole.x, whole.state[None], cut(problem.data, 10**6), whole.window.substeps)
     best = fit_pieces(problem, begun, Route(10, 1e-5, EXACT), EXACT, robust=False)

@@ -10,6 +10,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.window import ahead
 from monodyn.live.horizon import Estimate, Horizon, _inverses, horizon_of
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import load
@@ -102,6 +103,17 @@ def test_a_long_stretch_of_a_wild_motion_leaves_the_window_as_it_was_known(dampi
         assert abs(now.value - truth.values[name]) < 2.0 * now.std
     # the window begins no later than it has to
     assert found.time[0] == pytest.approx(times[-1] - 1.0, abs=0.07)
+
+
+def test_a_prediction_begins_with_what_is_known_at_the_last_row(estimates: list[Estimate]) -> None:
+    future, now = estimates[-1].future, ahead(estimates[-1].found, -1)
+    position, velocity = np.split(now.state, 2)
+    std = np.split(np.sqrt(np.diag(now.covariance)[-len(now.state) :]), 2)
+    for found, wanted in (
+        (future.position, position), (future.velocity, velocity),
+        (future.std, std[0]), (future.velocity_std, std[1]),
+    ):  # fmt: skip
+        assert np.allclose(found[0], wanted, rtol=1e-6)
 
 
 def test_between_its_rows_a_prediction_is_a_cubic(estimates: list[Estimate]) -> None:

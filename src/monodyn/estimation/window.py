@@ -97,13 +97,13 @@ class Window:
         Args:
             trial: Unknowns and start state.
         """
-        problem = self.problem
-        of = problem.mechanism, problem.unknowns, problem.prior.weights, self.regrouped
-        known, instance, x = trial.recalled("shown", of), problem.instance(trial), trial.x
-        if known is not None:
-            return known
+        problem, x = self.problem, trial.x
         if not self.regrouped:
             return x, np.eye(len(x))
+        of = problem.mechanism, problem.unknowns, problem.prior.weights
+        if (known := trial.recalled("shown", of)) is not None:
+            return known
+        instance = problem.instance(trial)
         tree, steps = instance.tree, instance.directions
         # one tree more, without a step, where there may be no unknown at all
         links, gravity = (
