@@ -37,6 +37,8 @@ def bounded(fit: Fit, poses: Poses, mechanism: Mechanism) -> Fit:
         The fit with the bound as ``covariance``; `monodyn.predict` carries it on.
     """
     mechanism = mechanism.with_bodies("uniform")
+    # dry friction is no unknown before a fit has found some
+    mechanism = mechanism.with_choices(free=[p for p in fit.shared if not mechanism.parameter(p).free])
     data, unknowns = prepare((poses,), mechanism), choose_unknowns(mechanism)
     problem = Problem(mechanism, unknowns, size_prior(mechanism, unknowns), data)
     found = fit.mechanism.values
