@@ -9,6 +9,7 @@ import ctypes
 import os
 import sys
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -19,8 +20,6 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 NAME = "monodyn-core"
 """How the names of the threads begin."""
-PARTS = 4
-"""Parts in which many items are taken by each core: not all of them take equally long."""
 MMAP_THRESHOLD = -3
 """Number of the setting from which size on an array has pages of its own, in malloc.h."""
 ARENA_MAX = -8
@@ -46,30 +45,42 @@ def on_all_cores(
     Raises:
         Exception: Whatever the function raises, of the first item for which it does.
     """
+    every = list(items)
+    others = min(_cores(), most or len(every), len(every)) - 1
     # one of these threads that waited for the others could wait for itself
-    if threading.current_thread().name.startswith(NAME):
-        return [function(item) for item in items]
-    every, cores = list(items), _cores()
-    threads = _threads(os.getpid(), cores)
-    if most is not None and most < cores:
-        return [found for part in _parts(every, most) for found in threads.map(function, part)]
-    left = threading.Event()
+    if others < 1 or threading.current_thread().name.startswith(NAME):
+        return [function(item) for item in every]
+    left, found = deque(range(len(every))), {}
+    failed: dict[int, Exception] = {}
 
-    def worked(part: list[Item]) -> list[Result]:
-        # after Ctrl-C nobody waits for the rest of a part
-        return [function(item) for item in part if not left.is_set()]
+    def work() -> None:
+        while True:
+            try:
+                number = left.popleft()
+            except IndexError:
+                return
+            try:
+                found[number] = function(every[number])
+            except Exception as error:
+                failed[number] = error
+                left.clear()
 
+    # the thread that asks works, too: to wait for others takes longer than many an item
+    threads = _threads(os.getpid(), _cores() - 1)
+    jobs = [threads.submit(work) for _ in range(others)]
     try:
-        # handing over each of many small items would take longer than they do
-        made = threads.map(worked, _parts(every, -(-len(every) // (PARTS * cores))))
-        return [found for part in made for found in part]
+        work()
+        for job in jobs:
+            # a thread that is still busy with something else finds nothing left
+            if not job.cancel():
+                job.result()
     finally:
-        left.set()
-
-
-def _parts(items: list[Item], size: int) -> Iterator[list[Item]]:
-    """Return items by so many at a time."""
-    return (items[first : first + size] for first in range(0, len(items), max(1, size)))
+        # after Ctrl-C nobody waits for the rest
+        left.clear()
+    if failed:
+        # items are taken in their order: all before the first of these were done
+        raise failed[min(failed)]
+    return [found[number] for number in range(len(every))]
 
 
 @contextmanager

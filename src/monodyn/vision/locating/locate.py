@@ -196,13 +196,11 @@ def _searched(sought: Sought, frames: KeyFrames, names: Sequence[str]) -> SceneG
     guesses = [_placed(sought, g) for g in search_scene(frames, start, count)]
     sought.step(2)
     few = frames.only(frames.most_distinct(count))
-    refined: list[SceneGuess] = []
-    for guess in guesses[:REFINED]:
-        refined.append(refined_coarsely(few, guess, start, names))
-        sought.step(3)
-        # two starts that end in one place are enough
-        if len(refined) == 2 and _alike(*refined):
-            break
+    # two starts that end in one place are enough
+    refined = on_all_cores(lambda guess: refined_coarsely(few, guess, start, names), guesses[:2])
+    sought.step(3)
+    if not (len(refined) == 2 and _alike(*refined)):
+        refined += [refined_coarsely(few, guess, start, names) for guess in guesses[2:REFINED]]
     return min(refined, key=lambda g: g.score + BETTER * len(freed(g.mechanism, start.mechanism)))
 
 

@@ -22,7 +22,7 @@ from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of, root_slides
 from monodyn.vision.locating.beam import Beam, extended, slide_places
-from monodyn.vision.locating.grow import SceneStart, better_mean, grown, whole
+from monodyn.vision.locating.grow import SceneStart, Structure, better_mean, grown, whole
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import root_lines, root_points
 from monodyn.vision.locating.settle import settled
@@ -95,13 +95,15 @@ def search_scene(frames: KeyFrames, start: SceneStart, count: int = 7) -> list[S
             "show it."
         )
     few = chosen.only(range(min(GROWN_FRAMES, len(chosen.frames))))
-    guesses = []
-    for structure in grown(few, start, roots)[:FINALISTS]:
+
+    def improved(structure: Structure) -> SceneGuess:
         better = settled(few, whole(structure, start), start)
         held = {p.name: p.value for p in drawn(better.mechanism) if p.name in start.pinned}
         # what may not change was never made thicker
         mechanism = thinned(chosen, better.mechanism, better.camera).with_values(held)
-        guesses.append(search_poses(chosen, mechanism, better.camera))
+        return search_poses(chosen, mechanism, better.camera)
+
+    guesses = on_all_cores(improved, grown(few, start, roots)[:FINALISTS])
     return sorted(guesses, key=lambda guess: guess.score)
 
 
