@@ -60,6 +60,21 @@ def test_a_damaged_program_is_that_of_a_compiled_function() -> None:
     assert not errors.is_unforeseen(caught.value)
 
 
+def test_the_linear_algebra_of_scipy_is_loaded_where_a_product_is_compiled() -> None:
+    """And not, as by numba alone, with the first function that was compiled before."""
+    code = (
+        "import sys, numpy as np\n"
+        "from monodyn.cli.loaded import load_to_call\n"
+        "load_to_call()\n"
+        "from numba import njit\n"
+        "assert 'scipy.linalg' not in sys.modules\n"
+        "product = njit(lambda a, b: a @ b)\n"
+        "assert (product(np.full((2, 2), 3.0), np.eye(2)) == 3.0).all()\n"
+        "assert 'scipy.linalg' in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=300)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["as numba does", "to call"])
 def test_damaged_files_of_compiled_functions_are_removed(how: str, tmp_path: Path) -> None:

@@ -5,10 +5,14 @@ later, and parses it whenever the function is loaded. That takes longer than to 
 ordinary run 80 MB. Before the first function is loaded, numba tells the compiler of everything that it can
 compile (``refresh``). Here both wait until something is compiled. Kernels that hash text would miss what the
 second one registers; there are none.
+
+The program of a function names modules of numba. One of them loads all of scipy's linear algebra just to see
+that it is there, which is needed where a product of matrices is compiled, and checked there once more.
 """
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 from llvmlite import binding
@@ -90,3 +94,16 @@ def load_to_call() -> None:
     rtsys.initialize(context)
     functions: Any = dispatcher
     functions.FunctionCache = CalledCache
+    _load_without_scipy()
+
+
+def _load_without_scipy() -> None:
+    """Load what numba knows of arrays as if it had found scipy, which it looks for again as it compiles."""
+    from numba.np import linalg
+
+    found = linalg.ensure_blas
+    linalg.ensure_blas = lambda: None
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        linalg.ensure_blas = found
