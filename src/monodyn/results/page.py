@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,6 +71,8 @@ OPEN = {
     "held": "held: torques would make up for any other",
 }
 """What is left open of parameters that are not known."""
+REPORT = ("monodyn.results", "report.html.j2")
+"""The template of the report: where it is, and its name."""
 
 
 def page_text(
@@ -103,7 +106,7 @@ def page_text(
     open_ways = openness(fit)
     # the rest goes into a part of the page that is folded up
     others = [row for row in fit.parameters if not row.free and row not in listed]
-    return template("monodyn.results", "report.html.j2").render(
+    return template(*REPORT).render(
         title=findings.title,
         subtitle=findings.subtitle,
         status=str(fit.status),
@@ -140,8 +143,11 @@ def page_text(
     )
 
 
+@cache
 def template(package: str, name: str) -> Template:
     """Return a template of a page, which escapes what is put into it and raises at a name without value.
+
+    It is read and compiled once, which takes as long as a film of some fifty pictures.
 
     Args:
         package: Where the template is.

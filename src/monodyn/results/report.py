@@ -28,7 +28,7 @@ from monodyn.results.heldout import excluded, excluded_note
 from monodyn.results.intact import digest, sealed
 from monodyn.results.models import write_models
 from monodyn.results.next_steps import next_steps
-from monodyn.results.page import page_text
+from monodyn.results.page import REPORT, page_text, template
 from monodyn.results.run_toml import RUN_TOML
 from monodyn.results.torques import torque_course
 from monodyn.types import Progress
@@ -72,6 +72,8 @@ def write_results(
     with beside(partial(_filmed, folder, findings, progress)) as pictures:
         document = _write_documents(folder, findings)
         shown, steps = _write_diagnosis(folder, findings), next_steps(findings)
+        # compiled here, where the film is waited for, and not below
+        template(*REPORT)
         stills = pictures()
     # what is written after the page is in the folder, too, when it is read
     log = findings.log

@@ -285,11 +285,13 @@ def _unlikeness(samples: list[_Sample], others: list[np.ndarray], shadows: list[
     Where the background is too plain to say, the copy has to be better, and what is hidden more often is the
     shadow.
     """
+    shown, std, detail = _detail_shown(samples, shadows)
+    if detail > LEAST_DETAIL and shown - SIGMAS * std <= 1.0 - FOLLOWS:
+        return np.inf
     near = max(2, round(APART * max(others[0].shape) / 2))
     copied = _correlation(others, shadows, near)
-    shown, std, detail = _detail_shown(samples, shadows)
     if detail > LEAST_DETAIL:
-        return 1.0 - shown if copied > COPY and shown - SIGMAS * std > 1.0 - FOLLOWS else np.inf
+        return 1.0 - shown if copied > COPY else np.inf
     # What only shifts from frame to frame, such as two parts of a cart, correlates with anything that
     # shifts too.
     half = len(others) // 2
