@@ -17,7 +17,6 @@ import numpy as np
 from monodyn.arrays import usual_step
 from monodyn.results.sight import Sight, outlines_of
 from monodyn.types import FULL, Camera, Frame, Poses, Progress
-from monodyn.vision.clip.ahead import made_ahead
 from monodyn.vision.clip.colour import split, stacked
 from monodyn.vision.clip.steady import displaced
 from monodyn.vision.drawing.shown import pose_row
@@ -250,8 +249,7 @@ def write_overlay(
             stream = _film_stream(container, video)
             last, pictures = -1, _pictures(video, drawing_of, stills)
             offset = begin if 0.0 <= begin <= LATEST else 0.0
-            # one is drawn while the one before is encoded
-            for done, (time, planes) in enumerate(made_ahead(pictures, 2), start=1):
+            for done, (time, planes) in enumerate(pictures, start=1):
                 picture = encoded_picture(planes)
                 # the encoder takes increasing stamps only: two frames in one tick are put one tick apart
                 last = max(last + 1, round(((time - video.times[0]) * slower + offset) * TICKS))

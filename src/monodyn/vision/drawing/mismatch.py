@@ -28,7 +28,7 @@ ON_LINE = 1e-8
 """Two edges are on one line when the ends of one are this near to the other [px]."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def row_sums(coverage: np.ndarray) -> np.ndarray:
     """Return prefix sums along each row of a mask.
 
