@@ -176,7 +176,7 @@ def touching(thumbnails: Thumbnails, sampled: np.ndarray, scene: Scene, poses: P
         True where it is touched, bool (frame,).
     """
     foreground, inside = _foreground(thumbnails, scene.masks.background)
-    area = foreground.sum(axis=(1, 2)).astype(np.float64)
+    area = np.array([np.count_nonzero(cells) for cells in foreground], dtype=np.float64)
     shape = foreground.shape[1:]
     own = float(np.median([_drawn(scene, q, shape).sum() for q in scene.key_positions[::4]]))
     # only a frame with more foreground than usual can show a hand; a pose gone astray adds none
@@ -267,11 +267,13 @@ def _foreground(thumbnails: Thumbnails, background: Background) -> tuple[np.ndar
     reduced([np.round(plane).astype(np.uint8) for plane in planes], behind)
     counts = background.counts.astype(np.float32)
     inside = cv2.resize(counts, (width, height), interpolation=cv2.INTER_AREA) > 0.5
-    differs = np.zeros((len(thumbnails.number), height, width), dtype=bool)
-    for channel, plane in enumerate(behind):
-        shown = thumbnails.planes[:, channel]
-        differs |= np.maximum(shown, plane) - np.minimum(shown, plane) > thumbnails.still
-    return differs & inside, int(inside.sum())
+    # grey levels are whole numbers
+    behind, still = behind.reshape(-1, width), np.uint8(thumbnails.still)
+    differs = np.empty((len(thumbnails.number), height, width), dtype=bool)
+    for shown, found in zip(thumbnails.planes, differs, strict=True):
+        change = cv2.absdiff(shown.reshape(-1, width), behind).reshape(shown.shape).max(axis=0)
+        np.logical_and(change > still, inside, out=found)
+    return differs, int(inside.sum())
 
 
 def _beyond(values: np.ndarray, usual: np.ndarray, own: float) -> np.ndarray:

@@ -6,6 +6,8 @@ comes to rest, or lingers at its turning points, counts there once and not for t
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from monodyn.errors import SettingsError, VideoError
@@ -93,6 +95,8 @@ class _Path:
         self._places: list[float] = []
         self._travelled = self._step = 0.0
         self._previous: np.ndarray | None = None
+        # OpenCV takes a number as well as an array, of which its types know nothing
+        self._still: Any = STILL_GREY
         self.differences = Differences()
         self.thumbnails = ThumbnailStore(video.width, video.height, video.count)
 
@@ -104,9 +108,10 @@ class _Path:
         self.differences.add(frame.index, small)
         if self._previous is not None and self._previous.shape == small.shape:
             # noise does not travel; the tiny rest keeps the path increasing while the clip stands still
-            moved = np.maximum(cv2.absdiff(small, self._previous), STILL_GREY) - STILL_GREY
-            cut = np.count_nonzero(moved[0]) > CUT_SHARE * moved[0].size
-            self._travelled += 1e-6 if cut else float(moved.sum()) + 1e-6
+            rows, before = (planes.reshape(-1, planes.shape[2]) for planes in (small, self._previous))
+            moved = cv2.subtract(cv2.absdiff(rows, before), self._still)
+            cut = np.count_nonzero(moved[: small.shape[1]]) > CUT_SHARE * small[0].size
+            self._travelled += 1e-6 if cut else cv2.norm(moved, cv2.NORM_L1) + 1e-6
         self._previous = small
         if not self._places or self._travelled - self._places[-1] >= self._step:
             self._kept.append(frame if self._held else own_copy(frame))

@@ -20,7 +20,7 @@ SHRINK = 4.0
 """Pixels of the clip per pixel of a thumbnail, at least."""
 THUMBNAIL_BYTES = 64_000_000
 """Most memory that the thumbnails of a clip may take; of a long clip they are smaller."""
-STILL_GREY = np.uint8(8)
+STILL_GREY = 8.0
 """Grey levels that a pixel may change by noise alone, at most."""
 STILL_SHARE = 0.3
 """Share of what changes most that counts as noise, where that is less."""
@@ -80,7 +80,7 @@ class Thumbnails:
         noise = max(STILL_NOISE * float(np.median(self.ranges[0])), LEAST_CHANGE)
         moving = self.ranges[0][self.ranges[0] > noise]
         most = float(np.percentile(moving, 95.0)) if len(moving) else 0.0
-        return min(float(STILL_GREY), max(noise, STILL_SHARE * most))
+        return min(STILL_GREY, max(noise, STILL_SHARE * most))
 
     def within(self, span: tuple[int, int]) -> Thumbnails:
         """Return those of a stretch of the clip.
