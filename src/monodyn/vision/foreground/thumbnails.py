@@ -179,16 +179,24 @@ def _prelude(unlike: np.ndarray, changing: np.ndarray) -> int:
     return int(scene[0]) if len(scene) and scene[0] <= most else 0
 
 
+def _medians(values: np.ndarray) -> np.ndarray:
+    """Return the median of each column, (pixel,), of values (frame, pixel), sooner than numpy does."""
+    ordered, half = np.sort(values, axis=0), len(values) // 2
+    return 0.5 * (ordered[half] + ordered[-half - 1])
+
+
 def _differs(thumbnails: Thumbnails, levels: tuple[float, ...]) -> list[np.ndarray]:
     """Return in which frames much of what is usually still is off by more than each level, bool (frame,)."""
     count = len(thumbnails.number)
     grey = thumbnails.planes[:, 0].reshape(count, -1)
     grey = grey[:, :: max(1, grey.shape[1] // PROBED_PIXELS)].astype(np.float32)
     few = grey[:: max(1, count // PROBED_FRAMES)]
-    usual = np.median(few, axis=0)
-    still = np.median(np.abs(few - usual), axis=0) < STILL_DEVIATION
+    usual = _medians(few)
+    still = _medians(np.abs(few - usual)) < STILL_DEVIATION
     # where nothing is usually still, there is nothing to compare with
     if np.mean(still) < CHANGED_SHARE:
         return [np.zeros(count, dtype=bool) for _ in levels]
-    change = np.abs(grey[:, still] - usual[still])
-    return [np.mean(change > level, axis=1) > CHANGED_SHARE for level in levels]
+    change = grey[:, still]
+    change -= usual[still]
+    np.abs(change, out=change)
+    return [np.count_nonzero(change > level, axis=1) > CHANGED_SHARE * still.sum() for level in levels]
