@@ -60,19 +60,46 @@ def test_a_damaged_program_is_that_of_a_compiled_function() -> None:
     assert not errors.is_unforeseen(caught.value)
 
 
-def test_the_linear_algebra_of_scipy_is_loaded_where_a_product_is_compiled() -> None:
-    """And not, as by numba alone, with the first function that was compiled before."""
-    code = (
-        "import sys, numpy as np\n"
-        "from monodyn.cli.loaded import load_to_call\n"
-        "load_to_call()\n"
-        "from numba import njit\n"
-        "assert 'scipy.linalg' not in sys.modules\n"
-        "product = njit(lambda a, b: a @ b)\n"
-        "assert (product(np.full((2, 2), 3.0), np.eye(2)) == 3.0).all()\n"
-        "assert 'scipy.linalg' in sys.modules\n"
+@pytest.mark.slow
+def test_functions_are_loaded_without_the_modules_of_numba_that_they_were_made_of(tmp_path: Path) -> None:
+    """What is compiled beside them then loads these, and is loaded where functions are as numba does."""
+    source = tmp_path / "kernels.py"
+    source.write_text(MADE_OF_OTHERS)
+
+    def run(how: str, code: str) -> None:
+        begin = (
+            f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import numpy as np; {how}; import kernels"
+        )
+        subprocess.run(
+            [sys.executable, "-c", f"{begin}; x = np.eye(3) + 1.0; {code}"],
+            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "compiled")}, check=True, timeout=300,
+        )  # fmt: skip
+
+    calling = "from monodyn.cli.loaded import load_to_call; load_to_call()"
+    modules = "{'numba.np.arraymath', 'numba.np.linalg', 'scipy.linalg'} & {*sys.modules}"
+    run("pass", "assert kernels.spread(x) == 4.5; assert len(kernels.spread.stats.cache_misses) == 1")
+    run(
+        calling,
+        f"assert kernels.spread(x) == 4.5; assert not {modules};"
+        "assert not kernels.spread.stats.cache_misses; assert abs(kernels.both(x) - 52.5) < 1e-9;"
+        f"assert len({modules}) == 3",
     )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=300)
+    run("pass", "assert abs(kernels.both(x) - 52.5) < 1e-9; assert not kernels.both.stats.cache_misses")
+
+
+MADE_OF_OTHERS = """
+import numpy as np
+from numba import njit
+
+@njit(cache=True)
+def spread(x):
+    return x.max() + x.sum() / 6.0 + x[1:].min() - 0.5
+
+@njit(cache=True)
+def both(x):
+    return spread(x) + (x @ x).sum()
+"""
+"""Functions that numba makes of others of its own."""
 
 
 @pytest.mark.slow

@@ -6,19 +6,21 @@ ordinary run 80 MB. Before the first function is loaded, numba tells the compile
 compile (``refresh``). Here both wait until something is compiled. Kernels that hash text would miss what the
 second one registers; there are none.
 
-The program of a function names modules of numba. One of them loads all of scipy's linear algebra just to see
-that it is there, which is needed where a product of matrices is compiled, and checked there once more.
+What is kept of a function names the modules of numba that it was made of. They would be loaded with it, one
+of them with all of scipy's linear algebra. What is called has no use for them.
 """
 
 from __future__ import annotations
 
-import importlib
+from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 from llvmlite import binding
-from numba.core import dispatcher
+from numba.core import dispatcher, environment
 from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary
+from numba.core.environment import Environment
 from numba.core.registry import cpu_target
 from numba.core.runtime.nrt import rtsys
 
@@ -94,16 +96,23 @@ def load_to_call() -> None:
     rtsys.initialize(context)
     functions: Any = dispatcher
     functions.FunctionCache = CalledCache
-    _load_without_scipy()
+    kept: Any = environment
+    kept._rebuild_env = _rebuilt(kept._rebuild_env)
 
 
-def _load_without_scipy() -> None:
-    """Load what numba knows of arrays as if it had found scipy, which it looks for again as it compiles."""
-    from numba.np import linalg
+def _rebuilt(rebuild: Callable[..., Environment]) -> Callable[..., Environment]:
+    """Return what makes the environment of a function that is loaded, without the module that defines it.
 
-    found = linalg.ensure_blas
-    linalg.ensure_blas = lambda: None
-    try:
-        importlib.import_module("numba.np.arraymath")
-    finally:
-        linalg.ensure_blas = found
+    Code of the machine does not look there; what is compiled later loads the modules that it needs.
+    """
+
+    @wraps(rebuild)
+    def rebuilt(module: str, constants: list[Any], name: str) -> Environment:
+        if environment.lookup_environment(name) is None and module.startswith("numba."):
+            # written out again it still names its module
+            made = Environment({"__name__": module})
+            made.consts[:], made.env_name = constants, name
+            Environment._memo[name] = made
+        return rebuild(module, constants, name)
+
+    return rebuilt

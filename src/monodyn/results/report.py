@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -69,18 +70,40 @@ def write_results(
         folder.write_text("camera.csv", camera_table(filmed.video.times, filmed.camera_path))
     if filmed is not None and filmed.sight is not None and findings.frames is not None:
         filmed.sight.fit_frames = (findings.frames[0], findings.frames[1])
-    with beside(partial(_filmed, folder, findings, progress)) as pictures:
-        document = _write_documents(folder, findings)
-        shown, steps = _write_diagnosis(folder, findings), next_steps(findings)
-        # compiled here, where the film is waited for, and not below
-        template(*REPORT)
+    parts: dict[str, Callable[[], Any]] = {
+        "document": partial(_write_documents, folder, findings),
+        "diagnosis": partial(_write_diagnosis, folder, findings),
+        "steps": partial(next_steps, findings),
+        # compiled here, where two work, and not below
+        "template": partial(template, *REPORT),
+    }
+    waiting, made = deque(parts), {}
+
+    def make_rest(go_on: Callable[[], None] = lambda: None) -> None:
+        """Make the parts that nobody makes yet."""
+        while True:
+            go_on()
+            try:
+                name = waiting.popleft()
+            except IndexError:
+                return
+            made[name] = parts[name]()
+
+    def film(go_on: Callable[[], None]) -> list[tuple[bytes, str]]:
+        drawn = _filmed(folder, findings, progress, go_on)
+        # a short film is done before them
+        make_rest(go_on)
+        return drawn
+
+    with beside(film) as pictures:
+        make_rest()
         stills = pictures()
     # what is written after the page is in the folder, too, when it is read
     log = findings.log
     logs = [] if log is None else [*([RUN_TOML] if log.run_toml else []), "run.json"]
-    page = page_text(findings, stills, shown, [*folder.written, *logs], steps)
+    page = page_text(findings, stills, made["diagnosis"], [*folder.written, *logs], made["steps"])
     folder.write_text("report.html", page)
-    return document
+    return made["document"]
 
 
 def _filmed(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.errors import VideoError
 from monodyn.types import FULL, Camera, Frame, Poses
 from monodyn.vision.clip.steady import displaced
@@ -212,7 +213,7 @@ class Sight:
             position = located[frame.index] if tracked is None else tracked
             found.append((frame, np.array(position), tracked is not None))
         around = _around(scene, [position for _, position, _ in found])
-        return tuple(_judge(scene, frame, q, tracked, around) for frame, q, tracked in found)
+        return tuple(on_all_cores(lambda one: _judge(scene, one[0], one[1], one[2], around), found))
 
     @cached_property
     def hidden(self) -> np.ndarray | None:
