@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import CHANGED_NOISE, SHOWN_NOISE, Background
 from monodyn.vision.foreground.thinned import spacing, thinned, thinning
@@ -102,7 +103,7 @@ def find_shadow(samples: Sequence[Frame], background: Background, contrast: floa
     # its offset is looked for at half of that
     step = thinning(background.luma.shape)
     wall = _wall(background, contrast, step)
-    reduced = [_reduced(frame, wall, step) for frame in picks]
+    reduced = on_all_cores(lambda frame: _reduced(frame, wall, step), picks)
     total = sum(int(sample.moves.sum()) for sample in reduced)
     ratios = np.concatenate([sample.ratio[sample.darkened] for sample in reduced])
     found = []

@@ -121,7 +121,11 @@ def grown(frames: KeyFrames, start: SceneStart, roots: list[Root]) -> list[Struc
     """
     widths, structures = typical_widths(frames), []
     quick = frames.reduced(max(1, int(max(root.reach for root in roots) / frames.shrink / GROWN_PX)))
-    amounts = [[_amounts_within(frame, root, quick.shrink) for frame in quick.frames] for root in roots]
+    shown = [np.nonzero(frame.coarse) for frame in quick.frames]
+    amounts = [
+        [_amounts_within(*pair, root, quick.shrink) for pair in zip(quick.frames, shown, strict=True)]
+        for root in roots
+    ]
     for link in range(len(start.mechanism.joints)):
         if link == 0:
             tried = [seed for i in range(len(roots)) for seed in _seeds(start, i, roots[i])]
@@ -330,12 +334,13 @@ def _reach_px(structure: Structure, link: int) -> float:
     return reach * structure.camera.focal / structure.camera.depth
 
 
-def _amounts_within(frame: KeyFrame, root: Root, shrink: int) -> np.ndarray:
-    """Return the share of a frame's foreground within each whole distance from a root [reduced px], ending in
-    1, (distance,); 1 alone for a root that slides."""
+def _amounts_within(frame: KeyFrame, shown: tuple[np.ndarray, ...], root: Root, shrink: int) -> np.ndarray:
+    """Return the share of a frame's foreground, which shows in the rows and columns ``shown``, (cell,) each,
+    within each whole distance from a root [reduced px], ending in 1, (distance,); 1 alone for a root that
+    slides."""
     if not np.isfinite(root.x + root.y):
         return np.ones(1)
-    y, x = np.nonzero(frame.coarse)
+    y, x = shown
     column, row = ((place + 0.5) / shrink - 0.5 for place in (root.x, root.y))
     away = np.hypot(x - column, y - row).astype(np.int64)
     amount = np.cumsum(np.bincount(away, frame.coarse[y, x] / FULL)) / max(frame.area, 1.0)
