@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.types import Frame
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background
@@ -83,17 +84,18 @@ def geom_colours(
     good = np.flatnonzero(fits)
     good = good[:: max(1, len(good) // MOST_FRAMES)]
     geoms = len(guess.mechanism.shapes.radius)
-    rows: list[list[np.ndarray]] = [[] for _ in range(geoms)]
-    for i in good:
+
+    def inner(i: int) -> list[np.ndarray]:
         poses = meanwhile[i] if len(meanwhile) else guess.positions[i : i + 1]
         by = away[i] if len(away) else np.zeros(2)
         outlines = [[p + by for _, p in outline(guess.mechanism, guess.camera, q)] for q in poses]
         # what is behind the camera has no outline, and then the others would not be in the order of the geoms
         if min(len(drawn) for drawn in outlines) < geoms:
-            continue
-        for g, found in enumerate(_inner_pixels(samples[i], background, outlines)):
-            rows[g].append(found)
-    pixels = [np.concatenate(own) if own else np.zeros((0, PIXEL_COLUMNS)) for own in rows]
+            return [np.zeros((0, PIXEL_COLUMNS))] * geoms
+        return _inner_pixels(samples[i], background, outlines)
+
+    rows = zip(*on_all_cores(inner, good), strict=True) if len(good) else [[]] * geoms
+    pixels = [np.concatenate([np.zeros((0, PIXEL_COLUMNS)), *own]) for own in rows]
     shown = _shown(pixels, background.noise)
     part, colours, light = _joined(pixels, shown, background.noise, blurred=len(meanwhile) > 0)
     if not colours:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.mechanism import Mechanism
 from monodyn.types import FULL
 from monodyn.vision.locating.unit import drawn
@@ -46,15 +47,18 @@ def lacking(masks: Sequence[np.ndarray]) -> int | None:
     import cv2
 
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (int(MET_PX),) * 2)
-    found = []
-    for mask in masks:
+
+    def judged(mask: np.ndarray) -> tuple[float, float, float] | None:
         pieces = _without_specks(mask)
         level = pieces / FULL
         total = float(level.sum())
-        if total > 0.0:
-            wide = float(cv2.morphologyEx(level, cv2.MORPH_OPEN, disc).sum()) / total
-            gained = float(np.maximum(2.0 * level - 1.0, 0.0).sum()) / total
-            found.append((wide, gained, _typical_width(_evened(pieces))))
+        if total <= 0.0:
+            return None
+        wide = float(cv2.morphologyEx(level, cv2.MORPH_OPEN, disc).sum()) / total
+        gained = float(np.maximum(2.0 * level - 1.0, 0.0).sum()) / total
+        return wide, gained, _typical_width(_evened(pieces))
+
+    found = [one for one in on_all_cores(judged, masks) if one is not None]
     if not found:
         return None
     wide, gained, width = np.median(found, axis=0).tolist()

@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.arrays import usual_step
+from monodyn.cores import on_all_cores
 from monodyn.types import FULL, Poses
 from monodyn.vision.drawing.blurred import covered_part, times_of
 from monodyn.vision.drawing.edges import MOST_SAMPLES
@@ -201,11 +202,15 @@ def exposure_of(scene: Scene, poses: Poses) -> Exposure:
     view = scene.masks.view(len(rig.radius))
     ways = [way(rig._replace(sweep=whole[row]), poses.position[row]) for row in rows]
     fastest = [rows[i] for i in np.argsort(ways)[::-1][:FRAMES] if ways[i] > LEAST_WAY_PX]
-    shares, misfits = np.linspace(0.0, LARGEST_SHARE, SHARES), np.zeros((len(fastest), SHARES))
-    for row, misfit in zip(fastest, misfits, strict=True):
+    shares = np.linspace(0.0, LARGEST_SHARE, SHARES)
+
+    def misfits_of(row: int) -> np.ndarray:
         planes = planes_for(scene.masks.of(samples[int(poses.frame[row])]), view)
-        moving = rig._replace(sweep=whole[row], bend=bend[row])
+        moving, misfit = rig._replace(sweep=whole[row], bend=bend[row]), np.zeros(SHARES)
         _add_misfits(planes, view, moving, poses.position[row], shares, misfit)
+        return misfit
+
+    misfits = np.array(on_all_cores(misfits_of, fastest)).reshape(-1, SHARES)
     total = misfits.sum(axis=0)
     if len(fastest) < LEAST_FRAMES or total[0] < CLEARER * total.min():
         return SHARP
@@ -233,7 +238,7 @@ def _best_share(shares: np.ndarray, misfits: np.ndarray) -> float:
     return float(shares[best] + shift * (shares[1] - shares[0]))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _add_misfits(
     planes: np.ndarray,
     view: View,
