@@ -53,10 +53,12 @@ def test_after_an_error_the_rest_is_left_undone(
     error: type[BaseException], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cores, "_cores", lambda: 2)
-    asking, begun, done = threading.current_thread(), threading.Event(), []
+    asking, begun = threading.current_thread(), threading.Event()
+    asked, done = [], []
 
     def work(number: int) -> None:
         if threading.current_thread() is asking:
+            asked.append(number)
             assert begun.wait(20.0)
             raise error
         begun.set()
@@ -66,7 +68,9 @@ def test_after_an_error_the_rest_is_left_undone(
 
     with pytest.raises(error):
         on_all_cores(work, range(800))
-    time.sleep(0.1)
+    # the one other thread comes here after its part
+    cores._threads(os.getpid(), 1).submit(int).result(20.0)
+    assert len(asked) == 1
     assert 1 <= len(done) < 400
 
 

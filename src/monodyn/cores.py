@@ -45,10 +45,9 @@ def on_all_cores(
     Raises:
         Exception: Whatever the function raises, of the first item for which it does.
     """
-    every = list(items)
-    others = min(_cores(), most or len(every), len(every)) - 1
-    # one of these threads that waited for the others could wait for itself
-    if others < 1 or threading.current_thread().name.startswith(NAME):
+    every, cores = list(items), _cores()
+    others = min(cores, most or len(every), len(every)) - 1
+    if others < 1:
         return [function(item) for item in every]
     left, found = deque(range(len(every))), {}
     failed: dict[int, Exception] = {}
@@ -66,12 +65,14 @@ def on_all_cores(
                 left.clear()
 
     # the thread that asks works, too: to wait for others takes longer than many an item
-    threads = _threads(os.getpid(), _cores() - 1)
-    jobs = [threads.submit(work) for _ in range(others)]
+    threads, jobs = _threads(os.getpid(), cores - 1), []
     try:
+        for _ in range(others):
+            jobs.append(threads.submit(work))
         work()
         for job in jobs:
-            # a thread that is still busy with something else finds nothing left
+            # Where all threads are busy, as with work within work, nothing is left for them. One that has
+            # begun ends, for it waits for nothing but what was begun within its own items.
             if not job.cancel():
                 job.result()
     finally:

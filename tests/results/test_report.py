@@ -16,7 +16,7 @@ from monodyn.errors import SettingsError
 from monodyn.estimation.record.tables import read_poses
 from monodyn.mechanism import load, write_mjcf
 from monodyn.mechanism.simulate import simulate
-from monodyn.results import findings, gaps
+from monodyn.results import findings, gaps, report
 from monodyn.results.fill import fill
 from monodyn.results.findings import Findings
 from monodyn.results.folder import RunFolder
@@ -41,6 +41,21 @@ def test_report_writes_from_the_fit_alone(tmp_path: Path) -> None:
     )
     with refuses(SettingsError, said):
         monodyn.report(fit, to=tmp_path / "run")
+
+
+@pytest.mark.parametrize("part", ["_write_documents", "_write_diagnosis", "next_steps", "template"])
+def test_an_error_in_any_part_is_that_of_the_whole(
+    part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whichever thread makes it."""
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(report, part, broken)
+    for number in range(3):
+        with pytest.raises(ZeroDivisionError):
+            monodyn.report(made_fit(), to=tmp_path / str(number))
 
 
 def test_what_urdf_cannot_hold_is_said(tmp_path: Path) -> None:

@@ -13,8 +13,11 @@ import pytest
 from films import COUNT, film
 from monodyn.mechanism import load
 from monodyn.types import Poses
+from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.thumbnails import Thumbnails, Window
 from monodyn.vision.release import (
     FreeSpan,
+    _foreground,
     blanked,
     free_span,
     hangs,
@@ -178,6 +181,24 @@ def with_arm(until: int, back: int = COUNT) -> object:
         return picture
 
     return change
+
+
+@pytest.mark.parametrize("coloured", [True, False])
+def test_the_foreground_differs_in_any_channel_that_the_background_has(*, coloured: bool) -> None:
+    """A background that is given may be grey, of a clip in colour."""
+    rng = np.random.default_rng(5)
+    planes = rng.integers(100, 116, (7, 3, 12, 16), dtype=np.uint8)
+    luma, small = np.full((48, 64), 104.0, np.float32), np.full((24, 32), 109.0, np.float32)
+    known, window = np.ones((48, 64), dtype=bool), Window(0, 48, 0, 40)
+    background = Background(luma, (small, small) if coloured else None, 1.0, known, window)
+    thumbnails = Thumbnails(np.arange(7), planes, 4.0)
+    found, inside = _foreground(thumbnails, background)
+    behind = np.array([104.0, 109.0, 109.0])[: 3 if coloured else 1, None, None]
+    away = np.abs(planes[:, : len(behind)] - behind) > thumbnails.still
+    counts = np.tile(np.arange(16) < 10, (12, 1))
+    assert np.array_equal(found, away.any(axis=1) & counts)
+    assert 0 < found.sum() < found.size
+    assert inside == counts.sum()
 
 
 @pytest.mark.parametrize(("until", "back"), [(0, COUNT), (12, COUNT), (0, 28), (8, 33)])

@@ -62,7 +62,7 @@ TINTED = 0.6
 LINES = 2
 """Lines of a caption, at most."""
 ONE_THREAD_PX = 1_000_000
-"""Size of the largest picture that one thread encodes in the time in which it is decoded and drawn [px]."""
+"""Size of the largest picture that one thread draws and encodes about as fast as it is decoded [px]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -91,7 +91,7 @@ def write_results(
 
     def film(go_on: Callable[[], None]) -> list[tuple[bytes, str]]:
         drawn = _filmed(folder, findings, progress, go_on)
-        # a short film is done before them
+        # where there is none, or a short one, two threads make the rest
         make_rest(go_on)
         return drawn
 

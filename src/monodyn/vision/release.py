@@ -270,7 +270,8 @@ def _foreground(thumbnails: Thumbnails, background: Background) -> tuple[np.ndar
     # grey levels are whole numbers
     behind, still = behind.reshape(-1, width), np.uint8(thumbnails.still)
     differs = np.empty((len(thumbnails.number), height, width), dtype=bool)
-    for shown, found in zip(thumbnails.planes, differs, strict=True):
+    # a background that was given may have no colours
+    for shown, found in zip(thumbnails.planes[:, : len(planes)], differs, strict=True):
         change = cv2.absdiff(shown.reshape(-1, width), behind).reshape(shown.shape).max(axis=0)
         np.logical_and(change > still, inside, out=found)
     return differs, int(inside.sum())

@@ -6,8 +6,6 @@ comes to rest, or lingers at its turning points, counts there once and not for t
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from monodyn.errors import SettingsError, VideoError
@@ -95,8 +93,6 @@ class _Path:
         self._places: list[float] = []
         self._travelled = self._step = 0.0
         self._previous: np.ndarray | None = None
-        # OpenCV takes a number as well as an array, of which its types know nothing
-        self._still: Any = STILL_GREY
         self.differences = Differences()
         self.thumbnails = ThumbnailStore(video.width, video.height, video.count)
 
@@ -109,7 +105,7 @@ class _Path:
         if self._previous is not None and self._previous.shape == small.shape:
             # noise does not travel; the tiny rest keeps the path increasing while the clip stands still
             rows, before = (planes.reshape(-1, planes.shape[2]) for planes in (small, self._previous))
-            moved = cv2.subtract(cv2.absdiff(rows, before), self._still)
+            moved = cv2.subtract(cv2.absdiff(rows, before), np.full_like(rows, STILL_GREY))
             cut = np.count_nonzero(moved[: small.shape[1]]) > CUT_SHARE * small[0].size
             self._travelled += 1e-6 if cut else cv2.norm(moved, cv2.NORM_L1) + 1e-6
         self._previous = small
