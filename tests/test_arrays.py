@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import monodyn
-from monodyn.arrays import check_unbroken, clock, frozen, increasing, plain, usual_step
+from monodyn.arrays import check_unbroken, clock, frozen, increasing, medians, plain, usual_step
 from monodyn.errors import MonodynError, SettingsError, VideoError
 from monodyn.mechanism.simulate import rollout
 from monodyn.types import Poses
@@ -148,3 +148,9 @@ def test_a_single_time_has_no_step() -> None:
 def test_what_no_clock_shows_is_refused(wrong: list[float]) -> None:
     with pytest.raises(MonodynError, match="times"):
         clock("times", np.array(wrong))
+
+
+@pytest.mark.parametrize("shape", [(1,), (6,), (1, 4), (2, 4), (5, 4), (96, 70)])
+def test_medians_are_those_of_numpy(shape: tuple[int, ...]) -> None:
+    values = np.random.default_rng(len(shape)).integers(0, 255, shape).astype(np.float32)
+    assert np.array_equal(medians(values), np.median(values, axis=0))

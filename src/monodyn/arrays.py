@@ -158,10 +158,21 @@ def usual_step(times: np.ndarray) -> float:
     Args:
         times: Time stamps [s], (row,).
     """
-    # numpy's median of a few numbers takes ten times as long
-    steps = np.sort(np.diff(times))
-    count = len(steps)
-    return float(0.5 * (steps[(count - 1) // 2] + steps[count // 2])) if count else np.nan
+    steps = np.diff(times)
+    return float(medians(steps)) if len(steps) else np.nan
+
+
+def medians(values: np.ndarray) -> np.ndarray:
+    """Return what ``numpy.median`` does along the first axis, several times sooner.
+
+    Args:
+        values: At least one row, none of it NaN, (row, column) or (row,).
+
+    Returns:
+        The medians, (column,); of (row,) one number.
+    """
+    ordered, half = np.sort(values, axis=0), len(values) // 2
+    return 0.5 * (ordered[half] + ordered[-half - 1])
 
 
 def check_unbroken(where: str, times: np.ndarray) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from monodyn.errors import SettingsError, VideoError
+from monodyn.types import Frame
 from monodyn.vision.clip.video import read
 from monodyn.vision.foreground import sampling
 from monodyn.vision.foreground.sampling import frames_between, sample_frames, window_of
@@ -36,6 +37,30 @@ def test_samples_follow_the_motion_not_the_time(make_clip: ClipMaker) -> None:
     found = [frame.index for frame in sample_frames(read(path)).frames]
     assert sum(index > 45 for index in found) <= 3
     assert sum(index <= 45 for index in found) >= 15
+
+
+@pytest.mark.parametrize("colours", [0, 2])
+def test_the_way_is_what_changes_beyond_noise(colours: int, make_clip: ClipMaker) -> None:
+    video = read(make_clip())
+    path, rng = sampling._Path(video), np.random.default_rng(2)
+    way, before = 0.0, None
+    for number in range(6):
+        # two thirds of the picture change in the last frame, as when the light is switched
+        sides = [(48, 64), (24, 32), (24, 32)][: 1 + colours]
+        planes = [rng.integers(90, 110, side, dtype=np.uint8) for side in sides]
+        planes[0][: 32 if number == 5 else 8] += np.uint8(60 * (number % 2))
+        # of colours that much may change
+        for plane in planes[1:]:
+            plane += np.uint8(60 * (number == 3))
+        frame = Frame(number, number / 30.0, planes[0], (planes[1], planes[2]) if colours else None)
+        path.add(frame)
+        small = path.thumbnails.finished().planes[-1].astype(int)
+        if before is not None:
+            moved = np.maximum(np.abs(small - before) - 8, 0)
+            way += (0.0 if np.mean(moved[0] > 0) > 0.5 else moved.sum()) + 1e-6
+        assert path._travelled == pytest.approx(way, abs=1e-12)
+        before = small
+    assert way > 1.0
 
 
 def test_a_clip_of_one_frame_has_no_background(make_clip: ClipMaker) -> None:

@@ -36,12 +36,6 @@ def test_a_store_keeps_means_of_square_blocks() -> None:
     assert kept.within((1, 2)).number.tolist() == [1]
 
 
-@pytest.mark.parametrize("count", [1, 2, 5, 96])
-def test_medians_are_those_of_numpy(count: int) -> None:
-    values = np.random.default_rng(count).integers(0, 255, (count, 70)).astype(np.float32)
-    assert np.array_equal(thumbnails._medians(values), np.median(values, axis=0))
-
-
 def test_long_clips_have_smaller_thumbnails(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(thumbnails, "THUMBNAIL_BYTES", 3 * 64 * 48 * 100 // 64)
     store = ThumbnailStore(64, 48, 100)

@@ -147,7 +147,7 @@ def page_text(
 def template(package: str, name: str) -> Template:
     """Return a template of a page, which escapes what is put into it and raises at a name without value.
 
-    It is read and compiled once, which takes as long as a film of some fifty pictures.
+    It is read and compiled once.
 
     Args:
         package: Where the template is.

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.arrays import medians
 from monodyn.types import Frame
 
 SHRINK = 4.0
@@ -179,20 +180,14 @@ def _prelude(unlike: np.ndarray, changing: np.ndarray) -> int:
     return int(scene[0]) if len(scene) and scene[0] <= most else 0
 
 
-def _medians(values: np.ndarray) -> np.ndarray:
-    """Return the median of each column, (pixel,), of values (frame, pixel), sooner than numpy does."""
-    ordered, half = np.sort(values, axis=0), len(values) // 2
-    return 0.5 * (ordered[half] + ordered[-half - 1])
-
-
 def _differs(thumbnails: Thumbnails, levels: tuple[float, ...]) -> list[np.ndarray]:
     """Return in which frames much of what is usually still is off by more than each level, bool (frame,)."""
     count = len(thumbnails.number)
     grey = thumbnails.planes[:, 0].reshape(count, -1)
     grey = grey[:, :: max(1, grey.shape[1] // PROBED_PIXELS)].astype(np.float32)
     few = grey[:: max(1, count // PROBED_FRAMES)]
-    usual = _medians(few)
-    still = _medians(np.abs(few - usual)) < STILL_DEVIATION
+    usual = medians(few)
+    still = medians(np.abs(few - usual)) < STILL_DEVIATION
     # where nothing is usually still, there is nothing to compare with
     if np.mean(still) < CHANGED_SHARE:
         return [np.zeros(count, dtype=bool) for _ in levels]
