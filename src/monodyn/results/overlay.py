@@ -61,6 +61,9 @@ TINTED = 0.6
 """Share of the tint where the foreground covers a whole pixel."""
 LINES = 2
 """Lines of a caption, at most."""
+QUALITY = {"preset": "ultrafast", "qp": "20"}
+"""How the film is encoded: one step for all pictures takes a third less time and room than a rate that the
+encoder works out for each picture (``crf`` 21), and shows the worst picture as well."""
 ONE_THREAD_PX = 1_000_000
 """Size of the largest picture that one thread draws and encodes about as fast as it is decoded [px]."""
 
@@ -295,7 +298,7 @@ def _pictures(
 def _film_stream(container: Any, video: Video) -> Any:
     """Add the stream of the film: H.264 with even sizes, in ticks fine enough for every clip."""
     stream: Any = container.add_stream(
-        "libx264", rate=_rate(video), options={"preset": "ultrafast", "crf": "21"}
+        "libx264", rate=_rate(video), options=QUALITY
     )
     stream.width, stream.height = video.width + video.width % 2, video.height + video.height % 2
     stream.pix_fmt = "yuv420p"
