@@ -81,7 +81,7 @@ def test_poses_are_improved_between_the_tried_positions() -> None:
     best = poses[int(np.argmin(costs))]
     # a third of half the 10 degrees between two tried positions
     assert np.abs(best - truth).max() < np.radians(10.0) / 6 + 0.02
-    np.testing.assert_allclose(costs, pose_balance(row_balance(frame.sums), rig, poses, 2), rtol=1e-9)
+    np.testing.assert_allclose(costs, pose_balance(row_balance(frame.coarse), rig, poses, 2), rtol=1e-9)
 
 
 @pytest.mark.parametrize("model", ["double", "cartpole"])

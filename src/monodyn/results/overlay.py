@@ -297,9 +297,7 @@ def _pictures(
 
 def _film_stream(container: Any, video: Video) -> Any:
     """Add the stream of the film: H.264 with even sizes, in ticks fine enough for every clip."""
-    stream: Any = container.add_stream(
-        "libx264", rate=_rate(video), options=QUALITY
-    )
+    stream: Any = container.add_stream("libx264", rate=_rate(video), options=QUALITY)
     stream.width, stream.height = video.width + video.width % 2, video.height + video.height % 2
     stream.pix_fmt = "yuv420p"
     stream.codec_context.time_base = Fraction(1, TICKS)

@@ -144,34 +144,40 @@ def outline_starts(rig: Rig, geoms: int) -> np.ndarray:
     """
     starts = np.zeros(geoms + 1, dtype=np.int64)
     for g in range(geoms):
-        own = rig.first[g + 1] - rig.first[g]
-        starts[g + 1] = starts[g] + own * (rig.ring if rig.radius[g] > 0.0 else 1)
+        starts[g + 1] = starts[g] + _outline_points(rig, g)
     return starts
 
 
 @njit(cache=True)
-def project(rig: Rig, position: np.ndarray, px: np.ndarray) -> bool:
+def _outline_points(rig: Rig, geom: int) -> int:
+    """Return how many outline points a geom has."""
+    return (rig.first[geom + 1] - rig.first[geom]) * (rig.ring if rig.radius[geom] > 0.0 else 1)
+
+
+@njit(cache=True)
+def project(rig: Rig, position: np.ndarray, px: np.ndarray, begin: int = 0) -> bool:
     """Project the outline points of the geoms, in their order, until ``px`` is full.
 
     Args:
         rig: The mechanism and its camera.
         position: Joint positions in the middle of the picture's exposure [rad or m], (dof,).
         px: Filled with pixel coordinates, (outline point, 2).
+        begin: The first geom; the points of those before it are there, and need not be found again.
 
     Returns:
         False when a point lies behind the camera, absurdly far out of the picture, or nowhere (NaN).
     """
-    if not _project_at_once(rig, position, px):
-        return False
     still = True
     for j in range(rig.skew.shape[0]):
         still = still and rig.skew[j] == 0.0
+    if not _project_at_once(rig, position, px, begin if still else 0):
+        return False
     if still:
         return True
     before, after = np.empty_like(px), np.empty_like(px)
     if not (
-        _project_at_once(rig, position - 0.5 * rig.skew + rig.lean, before)
-        and _project_at_once(rig, position + 0.5 * rig.skew + rig.lean, after)
+        _project_at_once(rig, position - 0.5 * rig.skew + rig.lean, before, 0)
+        and _project_at_once(rig, position + 0.5 * rig.skew + rig.lean, after, 0)
     ):
         return False
     middle = rig.camera[CENTRE_Y]
@@ -189,13 +195,15 @@ def project(rig: Rig, position: np.ndarray, px: np.ndarray) -> bool:
 
 
 @njit(cache=True)
-def _project_at_once(rig: Rig, position: np.ndarray, px: np.ndarray) -> bool:
+def _project_at_once(rig: Rig, position: np.ndarray, px: np.ndarray, begin: int) -> bool:
     """Do the work of ``project`` for a picture whose rows are exposed together."""
     frames = link_frames(rig, position)
     camera = rig.camera
     focal, cx, cy = camera[FOCAL], camera[CENTRE_X], camera[CENTRE_Y]
     turn = camera[:ROTATION].reshape(3, 3)
-    g, k = 0, 0
+    g, k = begin, 0
+    for before in range(begin):
+        k += _outline_points(rig, before)
     while k < px.shape[0]:
         at = rig.link[g]
         x0, y0, angle = frames[at, LINK_X], frames[at, LINK_Y], frames[at, LINK_ANGLE]

@@ -53,8 +53,7 @@ class KeyFrame:
     @cached_property
     def balance(self) -> np.ndarray:
         """What covering the pixels of ``coarse`` costs a pose, from ``row_balance``, (height, width + 1)."""
-        # the sums themselves are hardly ever wanted, and would stay
-        return row_balance(row_sums(self.coarse))
+        return row_balance(self.coarse)
 
     @cached_property
     def extent(self) -> tuple[np.ndarray, np.ndarray]:
