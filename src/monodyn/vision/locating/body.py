@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.types import FULL
 from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, ROTATION, X, Y
 from monodyn.vision.drawing.rig import Rig, rig_of
@@ -38,6 +39,8 @@ ALWAYS = 0.5
 """Gain above which a cell is foreground in most frames."""
 NEAR = 2
 """Distance from the outline of a body within which the foreground is its own [cells]."""
+WORTH = (2.0 * np.minimum(np.arange(256), FULL).astype(np.float32) / FULL - 1.0).astype(np.float32)
+"""What covering a pixel gains, by its coverage in a mask."""
 FARTHEST = 99.0
 """Percentile of the distances of the foreground from the joint that the picture reaches to."""
 
@@ -97,8 +100,9 @@ class BodyView:
         """Size of a cell [m]: the foreground reaches to the edge, or a cell is a reduced pixel."""
         far = 0.0
         for frame, q in zip(self.frames.frames, self.guess.positions, strict=True):
-            y, x = np.nonzero((frame.coarse > FULL // 2) & ~self.frames.unknown)
-            if len(x):
+            shown = np.flatnonzero((frame.coarse > FULL // 2) & ~self.frames.unknown)
+            if len(shown):
+                y, x = np.divmod(shown, frame.coarse.shape[1])
                 place = link_frames(self.rig, q)[self.link]
                 root = _homography(self.rig, np.diag([place[LINK_X], place[LINK_Y], 0.0])) @ np.ones(3)
                 away = np.hypot(x - root[0] / root[2], y - root[1] / root[2])
@@ -121,22 +125,26 @@ class BodyView:
         side = 2 * CELLS + 1
         corner, gain = -CELLS * self.cell, np.zeros((side, side), np.float32)
         place_of = np.array([[self.cell, 0.0, corner], [0.0, self.cell, corner], [0.0, 0.0, 1.0]])
-        outlines = blank_outlines(rig, len(rig.radius))
-        for frame, q in zip(self.frames.frames, self.guess.positions, strict=True):
+
+        def seen(row: int) -> np.ndarray | None:
+            q, outlines = self.guess.positions[row], blank_outlines(rig, len(rig.radius))
             if not draw(rig, q, outlines):
-                continue
+                return None
             x0, y0, angle = link_frames(rig, q)[self.link][[LINK_X, LINK_Y, LINK_ANGLE]]
             c, s = np.cos(angle), np.sin(angle)
             plane = np.array([[c, -s, x0], [s, c, y0], [0.0, 0.0, height]])
-            seen = _homography(rig, plane) @ place_of
-            worth = 2.0 * np.minimum(frame.coarse, FULL).astype(np.float32) / FULL - 1.0
+            worth = cv2.LUT(self.frames.frames[row].coarse, WORTH)
             worth[self.frames.unknown] = 0.0
             for g in np.flatnonzero(rig.link != self.link):
                 corners = outlines.px[outlines.hull[outlines.first[g] : outlines.first[g + 1]]]
                 cv2.fillPoly(worth, [np.round(corners * 16.0).astype(np.int32)], 0.0, cv2.LINE_8, 4)
             # outside of the picture nothing is known
-            flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-            gain += cv2.warpPerspective(worth, seen, (side, side), flags=flags, borderValue=0.0)
+            flags, place = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, _homography(rig, plane) @ place_of
+            return cv2.warpPerspective(worth, place, (side, side), flags=flags, borderValue=0.0)
+
+        for picture in on_all_cores(seen, range(len(self.frames.frames))):
+            if picture is not None:
+                gain += picture
         return gain / len(self.frames.frames)
 
     def covered(self, geoms: Sequence[int]) -> np.ndarray:
