@@ -57,6 +57,8 @@ FILLED = Ink(luma=168, blue=54, red=186, width=2.0)
 TRACKED = Ink(luma=225, blue=128, red=128, width=1.0)
 LOCATED = Ink(luma=210, blue=16, red=146, width=1.0)
 TINT = Ink(luma=150, blue=190, red=70, width=0.0)
+JPEG = 82
+"""Quality of a picture for the report, of 100."""
 TINTED = 0.6
 """Share of the tint where the foreground covers a whole pixel."""
 LINES = 2
@@ -290,9 +292,10 @@ def _pictures(
     kept = {0, (video.count - 1) // 2, video.count - 1}
     for frame in video.frames():
         drawing = drawing_of(frame)
+        planes = draw(frame, drawing)
         if frame.index in kept:
-            stills.append((still(frame, drawing), f"Frame {frame.index}, {drawing.caption}"))
-        yield frame.time, draw(frame, drawing)
+            stills.append((_jpeg(planes, frame), f"Frame {frame.index}, {drawing.caption}"))
+        yield frame.time, planes
 
 
 def _film_stream(container: Any, video: Video) -> Any:
@@ -315,19 +318,23 @@ def _step(video: Video) -> float:
     return usual_step(video.times)
 
 
-def still(frame: Frame, drawing: Drawing, quality: int = 82) -> bytes:
+def still(frame: Frame, drawing: Drawing) -> bytes:
     """Return one frame with its drawing as a JPEG file.
 
     Args:
         frame: The frame.
         drawing: What to draw over it.
-        quality: JPEG quality, 0 to 100.
     """
+    return _jpeg(draw(frame, drawing), frame)
+
+
+def _jpeg(planes: np.ndarray, frame: Frame) -> bytes:
+    """Return a drawn frame as a JPEG file, without what made its sizes even."""
     import cv2
 
-    picture = cv2.cvtColor(draw(frame, drawing), cv2.COLOR_YUV2BGR_I420)
+    picture = cv2.cvtColor(planes, cv2.COLOR_YUV2BGR_I420)
     height, width = frame.luma.shape
-    return cv2.imencode(".jpg", picture[:height, :width], [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+    return cv2.imencode(".jpg", picture[:height, :width], [cv2.IMWRITE_JPEG_QUALITY, JPEG])[1].tobytes()
 
 
 def draw(frame: Frame, drawing: Drawing) -> np.ndarray:

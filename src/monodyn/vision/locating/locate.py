@@ -16,26 +16,26 @@ from monodyn.cores import on_all_cores
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera, Progress
 from monodyn.vision.drawing.camera import PARAMETERS, X, with_values
-from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
+from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.outline import covered_pixels
 from monodyn.vision.drawing.rig import (
     SHOWN_KINDS,
     SIZE_KINDS,
-    joint_limits,
     longest_reach,
     rig_of,
     root_slides,
 )
 from monodyn.vision.drawing.shutter import Shutter
 from monodyn.vision.foreground.masks import GeomColours, Masks
-from monodyn.vision.locating.advice import LEAST_INSIDE, LEAST_MATCHED, scene_advice, twin_advice
+from monodyn.vision.locating.advice import scene_advice, twin_advice
 from monodyn.vision.locating.arrange import BETTER, freed
 from monodyn.vision.locating.body import beside
 from monodyn.vision.locating.bundle import SETTLE, Bundle, KeyMasks, refine
 from monodyn.vision.locating.coarse import reconsidered, refined_coarsely, variables_of
 from monodyn.vision.locating.colours import geom_colours
 from monodyn.vision.locating.doubt import doubt_of
+from monodyn.vision.locating.everywhere import poses_everywhere
 from monodyn.vision.locating.exactness import exactness_of
 from monodyn.vision.locating.grow import SceneStart
 from monodyn.vision.locating.keyframes import KeyFrames, key_frames
@@ -65,8 +65,6 @@ FINE = EdgeSearch(np.array([8.0, 7.0, 6.0, 5.0, 5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.
 """How they are looked for in the whole pictures after that [px]."""
 LAST = EdgeSearch(np.array([5.0, 4.0, 4.0, 4.0, 3.0, 3.0, 3.0, 3.0]), 3.0)
 """How they are looked for over the better background [px]."""
-POSE = EdgeSearch(np.array([8.0, 6.0, 5.0, 4.0, 4.0]), 3.0)
-"""How they are looked for in a single frame, for its pose alone [px]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +162,7 @@ def find_scene(sought: Sought) -> Scene:
         tied = replace(tied, variables=whole_variables(sought, guess, start, names))
     camera = camera_looks(sought, _whole(frames, rows), tied)
     sought.step(7)
-    poses = _all_poses(frames, camera.bundle)
+    poses = poses_everywhere(frames, camera.bundle, guess.positions if tied is bundle else None)
     del frames
     masks, guess = _with_background(masks, camera.bundle, *poses)
     sought.step(8)
@@ -177,7 +175,7 @@ def find_scene(sought: Sought) -> Scene:
     if better is not guess:
         # colours that were measured while a geom was missing are not those of all of the mechanism
         again, _ = refined_whole(frames, better, variables, FINE, settings.refine_frames)
-        poses = _all_poses(frames, again)
+        poses = poses_everywhere(frames, again)
         del frames
         masks, better = _with_background(masks, again, *poses)
         frames = key_frames(masks, geoms)
@@ -310,22 +308,6 @@ def _with_background(
         ]
     )
     return masks.coloured(_colours(masks, guess, fits)), guess
-
-
-def _all_poses(frames: KeyFrames, bundle: Bundle) -> tuple[np.ndarray, np.ndarray]:
-    """Find the pose in every sample frame, (frame, dof), and whether it lies on the mask, bool (frame,)."""
-    guess = search_poses(frames, bundle.mechanism, bundle.camera)
-    rig = rig_of(bundle.mechanism, bundle.camera)
-    lower, upper = joint_limits(bundle.mechanism)
-    limits = MoveLimits(lower, upper, np.full(len(lower), 1.0))
-
-    def followed(row: int) -> tuple[np.ndarray, bool]:
-        planes, start = frames.frames[row].planes, guess.positions[row]
-        q, _, found = follow(planes, frames.view, rig, start, limits, POSE)
-        return q, found.matched > LEAST_MATCHED and found.inside > LEAST_INSIDE
-
-    poses = on_all_cores(followed, range(len(frames.frames)))
-    return np.array([q for q, _ in poses]), np.array([good for _, good in poses])
 
 
 def refined_whole(
