@@ -248,107 +248,50 @@ def _part_inside(
     return begin, end
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def _along_edge(sums: np.ndarray, x0: float, y0: float, x1: float, y1: float) -> float:
-    """Integrate F dy along an edge of a silhouette, exactly; ``sums`` (height, width + 1)."""
+    """Integrate F dy along an edge of a silhouette, pixel by pixel; ``sums`` (height, width + 1)."""
     if y0 == y1:
         return 0.0
-    width, sign = sums.shape[1] - 1, 1.0
+    height, width = sums.shape[0], sums.shape[1] - 1
+    sign = 1.0
     if y0 > y1:  # so that rows are counted up
         x0, y0, x1, y1, sign = x1, y1, x0, y0, -1.0
+    slope = (x1 - x0) / (y1 - y0)
     # pixel centres are whole numbers, and pixels reach half a pixel to either side: from here on whole
     # numbers are the borders between them
-    x0, y0, x1, y1 = x0 + 0.5, y0 + 0.5, x1 + 0.5, y1 + 0.5
-    slope = (x1 - x0) / (y1 - y0)
-    begin, end, total = max(y0, 0.0), min(y1, float(sums.shape[0])), 0.0
-    if min(x0, x1) < 0.0 or max(x0, x1) > width:
-        # what is left of the picture meets nothing, what is right of it whole rows
-        at_left, at_right = y0 - x0 / slope, y0 + (width - x0) / slope
-        if slope == 0.0:
-            enter, leave = end, end
-            total = _over_rows(sums, begin, end) if x0 > 0.0 else 0.0
-        elif slope > 0.0:
-            enter, leave = max(begin, at_left), min(end, at_right)
-            total = _over_rows(sums, max(begin, at_right), end)
-        else:
-            enter, leave = max(begin, at_right), min(end, at_left)
-            total = _over_rows(sums, begin, min(end, at_right))
-        begin, end = enter, leave
-    if begin < end:
-        start = min(max(x0 + (begin - y0) * slope, 0.0), float(width))
-        if abs(slope) <= 1.0:
-            total += _row_by_row(sums, (start, begin), end, slope)
-        else:
-            stop = min(max(x0 + (end - y0) * slope, 0.0), float(width))
-            total += _column_by_column(sums, (start, begin), (stop, end), slope)
-    return sign * total
-
-
-@njit(cache=True)
-def _over_rows(sums: np.ndarray, begin: float, end: float) -> float:
-    """Integrate the sums of whole rows, ``sums`` (height, width + 1), from one height to another."""
-    total, i = 0.0, int(begin)
-    while i < end:
-        total += (min(i + 1.0, end) - max(float(i), begin)) * sums[i, sums.shape[1] - 1]
-        i += 1
-    return total
-
-
-@njit(cache=True, error_model="numpy")
-def _row_by_row(sums: np.ndarray, start: tuple[float, float], end: float, slope: float) -> float:
-    """Integrate F dy along an edge that goes down at least as much as aside; ``sums`` (height, width + 1).
-
-    It begins at x and y of ``start`` and ends at the height ``end``, inside of the picture.
-    """
-    (x, y), last = start, sums.shape[1] - 2
-    total, from_x, from_y = 0.0, x, y
-    per_column = 1.0 / slope if slope != 0.0 else 0.0
-    for i in range(int(y), math.ceil(end)):
-        to_y = min(i + 1.0, end)
-        to_x = min(max(x + (to_y - y) * slope, 0.0), last + 1.0)
-        # in a row it lies in one column or in two, and within each F is a straight line
-        j, k = min(int(from_x), last), min(int(to_x), last)
-        # numba counts signed indices from the end where they are negative, and looks whether they are
-        row, one, before, after = np.uint64(i), np.uint64(1), np.uint64(j), np.uint64(k)
-        f = float(sums[row, before])
-        steep = float(sums[row, before + one]) - f
-        steeper = float(sums[row, after + one]) - float(sums[row, after]) - steep
-        beyond = to_x - max(j, k)
-        total += (to_y - from_y) * (f + (0.5 * (from_x + to_x) - j) * steep)
-        total += 0.5 * steeper * beyond * beyond * per_column
-        from_x, from_y = to_x, to_y
-    return total
-
-
-@njit(cache=True, error_model="numpy")
-def _column_by_column(
-    sums: np.ndarray, start: tuple[float, float], end: tuple[float, float], slope: float
-) -> float:
-    """Integrate F dy along an edge that goes aside more than down; ``sums`` (height, width + 1).
-
-    It begins at x and y of ``start`` and ends at those of ``end``, inside of the picture.
-    """
-    (x, y), (stop_x, stop_y), last, bottom = start, end, sums.shape[1] - 2, sums.shape[0] - 1
-    total, from_x, from_y, per_column = 0.0, x, y, 1.0 / slope
+    x, y, end = x0 + 0.5, y0 + 0.5, min(y1 + 0.5, float(height))
+    if y < 0.0:
+        x, y = x - y * slope, 0.0
+    # what enters or leaves the picture by its sides passes through columns that do not exist
+    i, j, total = int(y), min(max(math.floor(x), -1), width), 0.0
     turn = 1 if slope > 0.0 else -1
-    j = min(int(x), last) if turn > 0 else max(math.ceil(x) - 1, 0)
-    count = turn * ((math.ceil(stop_x) - 1 if turn > 0 else int(stop_x)) - j) + 1
-    for _ in range(count):
-        to_x = min(j + 1.0, stop_x) if turn > 0 else max(float(j), stop_x)
-        to_y = min(y + (to_x - x) * per_column, stop_y)
-        # in a column it lies in one row or in two
-        i, k = min(int(from_y), bottom), min(int(to_y), bottom)
-        border = min(i + 1.0, to_y)
-        at_border = x + (border - y) * slope
-        above, below, column, one = np.uint64(i), np.uint64(k), np.uint64(j), np.uint64(1)
-        f, g = float(sums[above, column]), float(sums[below, column])
-        mean = f + (0.5 * (from_x + at_border) - j) * (float(sums[above, column + one]) - f)
-        total += (border - from_y) * mean
-        mean = g + (0.5 * (at_border + to_x) - j) * (float(sums[below, column + one]) - g)
-        total += (to_y - border) * mean
-        from_x, from_y = to_x, to_y
-        j += turn
-    return total
+    per_column = abs(1.0 / slope) if slope != 0.0 else 1e18
+    below = i + 1.0
+    beside = 1e18
+    if slope > 0.0 and j < width:
+        beside = y + (j + 1 - x) * per_column
+    elif slope < 0.0 and j >= 0:
+        beside = y + (x - j) * per_column
+    while y < end:
+        # the next border that the edge meets: that of a row, of a column, or its own end
+        stop = min(below, beside, end)
+        step = stop - y
+        to = x + step * slope
+        if j >= width:
+            total += step * sums[i, width]
+        elif j >= 0:
+            # within a pixel F is a straight line: its mean is the value in the middle
+            before = sums[i, j]
+            total += step * (before + (0.5 * (x + to) - j) * (sums[i, j + 1] - before))
+        if beside <= below:
+            j += turn
+            beside = 1e18 if (j < 0 and turn < 0) or (j >= width and turn > 0) else beside + per_column
+        if stop == below:
+            i += 1
+            below += 1.0
+        x, y = to, stop
+    return sign * total
 
 
 @njit(cache=True)
