@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from itertools import pairwise
+
 import numpy as np
+from numba import njit
 
 from monodyn.errors import MechanismError
 from monodyn.mechanism import Mechanism
@@ -40,17 +44,35 @@ def outline(mechanism: Mechanism, camera: Camera, position: np.ndarray) -> list[
     Returns:
         Name of the body and polygon [px], (point, 2), of each geom that is before the camera.
     """
-    rig = rig_of(mechanism, camera)
-    outlines = blank_outlines(rig, len(rig.radius))
+    rig = _rig(mechanism, camera)
     position = np.array(position, dtype=np.float64)
-    if draw(rig, position, outlines):
-        corners = np.split(outlines.px[outlines.hull[: outlines.first[-1]]], outlines.first[1:-1])
+    drawn, px, first = _corners(rig, position)
+    if drawn:
+        corners = [px[begin:end] for begin, end in pairwise(first.tolist())]
     elif np.all(np.isfinite(position)):
         corners = [_visible(points, camera) for points in _placed(rig, position)]
     else:
         corners = []
     named = zip(mechanism.shapes.body, corners, strict=bool(corners))
     return [(body, polygon) for body, polygon in named if len(polygon)]
+
+
+@lru_cache(maxsize=4)
+def _rig(mechanism: Mechanism, camera: Camera) -> Rig:
+    """Return the rig of a mechanism before a camera: all frames of a film have one or two."""
+    return rig_of(mechanism, camera)
+
+
+@njit(cache=True)
+def _corners(rig: Rig, position: np.ndarray) -> tuple[bool, np.ndarray, np.ndarray]:
+    """Return whether a pose, (dof,), can be drawn, the corners of all outlines [px], (corner, 2), and where
+    those of each geom start, int64 (geom + 1,)."""
+    outlines = blank_outlines(rig, len(rig.radius))
+    drawn = draw(rig, position, outlines)
+    corners = np.empty((outlines.first[-1] if drawn else 0, 2))
+    for i in range(len(corners)):
+        corners[i] = outlines.px[outlines.hull[i]]
+    return drawn, corners, outlines.first
 
 
 def _placed(rig: Rig, position: np.ndarray) -> list[np.ndarray]:
