@@ -70,6 +70,7 @@ def test_row_sums_are_sums_of_the_row() -> None:
     expected = np.array([[shares[y, :x].sum() for x in range(14)] for y in range(7)])
     # float32 of sums up to 13
     np.testing.assert_allclose(row_sums(mask), expected, atol=1e-6)
+    np.testing.assert_allclose(row_balance(mask), np.arange(14) - 2.0 * expected, atol=2e-6)
 
 
 def slow_mismatch(mask: np.ndarray, polygons: list[np.ndarray], lines: int = 40) -> tuple[float, float]:

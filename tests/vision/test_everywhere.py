@@ -53,6 +53,16 @@ def test_known_poses_are_followed_and_a_wrong_one_is_looked_for(looked_for: list
     np.testing.assert_allclose((found - TRUTH + np.pi) % (2 * np.pi) - np.pi, 0.0, atol=5e-3)
 
 
+def test_a_link_that_is_folded_over_another_one_is_looked_for(looked_for: list[int]) -> None:
+    """Its outline lies on the mask, and the link that it should be on sticks out."""
+    frames, known = drawn_frames(load("double"), SMALL, TRUTH), TRUTH.copy()
+    known[1, 1] = np.pi - 0.02
+    found, lies = poses_everywhere(frames, refined(0.9), known)
+    assert looked_for == [1]
+    assert lies.all()
+    np.testing.assert_allclose((found - TRUTH + np.pi) % (2 * np.pi) - np.pi, 0.0, atol=5e-3)
+
+
 @pytest.mark.parametrize("known", [None, TRUTH])
 def test_all_are_looked_for_where_none_is_known_or_the_refined_ones_lie_better(
     looked_for: list[int], known: np.ndarray | None

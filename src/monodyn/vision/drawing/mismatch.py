@@ -376,8 +376,6 @@ def pose_balance(balance: np.ndarray, rig: Rig, positions: np.ndarray, geoms: in
             is_known = is_known and positions[i, joint] == positions[i - 1, joint]
         begin = same if is_known else 0
         if not project(rig, positions[i], outlines.px, begin):
-            # of the geoms before only some may be there
-            is_known = False
             continue
         fill_hulls(outlines, begin)
         _fill_places(outlines, cuts, begin)
