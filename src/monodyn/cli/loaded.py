@@ -99,7 +99,8 @@ def load_to_call() -> None:
     kept: Any = environment
     kept._rebuild_env = _rebuilt(kept._rebuild_env)
     # thousands of calls of the compiler would be noted one by one for whoever measures it
-    for noted in tuple(getattr(binding.ffi.lib._lock, "_cblist", ())):
+    lock: Any = binding.ffi.lib._lock
+    for noted in tuple(getattr(lock, "_cblist", ())):
         binding.ffi.unregister_lock_callback(*noted)
 
 

@@ -25,8 +25,8 @@ SURE = 0.9
 """A pose that was known before is looked for anew where it does not lie on its mask, or less well than this
 share of how the refined ones do."""
 MORE = 0.1
-"""So is one that leaves by this much more of its mask unexplained than the better quarter of them: a link that
-is folded over another one lies on the mask, too."""
+"""So is one that leaves by this much more of its mask unexplained than the better quarter of them: a link
+that is folded over another one lies on the mask, too."""
 
 
 def poses_everywhere(
