@@ -100,8 +100,9 @@ def load_to_call() -> None:
     kept._rebuild_env = _rebuilt(kept._rebuild_env)
     # thousands of calls of the compiler would be noted one by one for whoever measures it
     lock: Any = binding.ffi.lib._lock
-    for noted in tuple(getattr(lock, "_cblist", ())):
-        binding.ffi.unregister_lock_callback(*noted)
+    callbacks: list[Any] = list(getattr(lock, "_cblist", ()))
+    for entered, left in callbacks:
+        binding.ffi.unregister_lock_callback(entered, left)
 
 
 def _rebuilt(rebuild: Callable[..., Environment]) -> Callable[..., Environment]:
