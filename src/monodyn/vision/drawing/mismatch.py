@@ -59,13 +59,10 @@ def row_balance(coverage: np.ndarray) -> np.ndarray:
     Returns:
         Sum to the left of each column, float32 (height, width + 1).
     """
-    height, width = coverage.shape
-    balance = np.zeros((height, width + 1), dtype=np.float32)
-    for y in range(height):
-        total = 0
-        for x in range(width):
-            total += min(coverage[y, x], FULL)
-            balance[y, x + 1] = np.float32(x + 1) - np.float32(2.0) * np.float32(total / FULL)
+    balance = row_sums(coverage)
+    for y in range(balance.shape[0]):
+        for x in range(balance.shape[1]):
+            balance[y, x] = np.float32(x) - np.float32(2.0) * balance[y, x]
     return balance
 
 

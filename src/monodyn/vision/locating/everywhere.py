@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
 from monodyn.cores import on_all_cores
 from monodyn.vision.drawing.edges import Agreement
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
-from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.rig import joint_limits, rig_of
 from monodyn.vision.locating.advice import LEAST_INSIDE, LEAST_MATCHED
 from monodyn.vision.locating.bundle import Bundle
-from monodyn.vision.locating.grow import unexplained
-from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
-from monodyn.vision.locating.search import as_thick, search_poses
+from monodyn.vision.locating.keyframes import KeyFrames
+from monodyn.vision.locating.search import left_shares, search_poses
 
 POSE = EdgeSearch(np.array([8.0, 6.0, 5.0, 4.0, 4.0]), 3.0)
 """How edges are looked for in a single frame, for its pose alone [px]."""
@@ -60,7 +58,7 @@ def poses_everywhere(
         found = dict(enumerate(poses(zip(rows, known, strict=True))))
         matched = max(SURE * float(np.median(bundle.matched)), LEAST_MATCHED)
         inside = max(SURE * float(np.median(bundle.inside)), LEAST_INSIDE)
-        left = _unexplained(frames, bundle, [found[row][0] for row in rows])
+        left = left_shares(frames, bundle.mechanism, bundle.camera, [found[row][0] for row in rows])
         most = float(np.quantile(left, 0.25)) + MORE
         lost = [
             row
@@ -73,15 +71,3 @@ def poses_everywhere(
     every = [found[row] for row in rows]
     lies = [on.matched > LEAST_MATCHED and on.inside > LEAST_INSIDE for _, on in every]
     return np.array([q for q, _ in every]), np.array(lies)
-
-
-def _unexplained(frames: KeyFrames, bundle: Bundle, poses: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the share of each frame's foreground that its pose, (dof,), leaves, (key frame,)."""
-    mechanism = as_thick(frames, bundle.mechanism, bundle.camera)
-    rig = rig_of(mechanism, bundle.camera, shrink=frames.shrink)
-
-    def left(pair: tuple[KeyFrame, np.ndarray]) -> float:
-        frame, q = pair
-        return unexplained(frame, float(pose_balance(frame.balance, rig, q[np.newaxis], len(rig.radius))[0]))
-
-    return np.array(on_all_cores(left, zip(frames.afresh().frames, poses, strict=True)))

@@ -17,7 +17,6 @@ from monodyn.mechanism import Mechanism
 from monodyn.types import Camera, Progress
 from monodyn.vision.drawing.camera import PARAMETERS, X, with_values
 from monodyn.vision.drawing.follow import EdgeSearch
-from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.outline import covered_pixels
 from monodyn.vision.drawing.rig import (
     SHOWN_KINDS,
@@ -44,7 +43,7 @@ from monodyn.vision.locating.mixing import lit_sizes
 from monodyn.vision.locating.oblique import Looking, looking, open_turns
 from monodyn.vision.locating.places import with_departed, without_names, without_unseen
 from monodyn.vision.locating.scene import Scene
-from monodyn.vision.locating.search import SceneGuess, as_thick, search_poses, search_scene
+from monodyn.vision.locating.search import SceneGuess, left_shares, search_poses, search_scene
 from monodyn.vision.locating.unit import in_metres, scaled, units_per_metre
 from monodyn.vision.locating.variables import SIDES, SceneVariables
 from monodyn.vision.locating.widths import rewidened
@@ -383,7 +382,8 @@ def found_scene(
     first = int(np.argmin(order))
     rms = float(np.sqrt(np.mean(bundle.rms_px**2)))
     freed = {name: value for name, value in std.items() if name in sought.free}
-    advice = scene_advice(bundle, freed, _mismatch_share(judged, shown), varied=masks.varied)
+    share = float(np.median(left_shares(judged, shown.mechanism, shown.camera, shown.positions)))
+    advice = scene_advice(bundle, freed, share, varied=masks.varied)
     advice += hidden_advice(hidden_places(bundle, scale_free=scale_free))
     advice += twin_advice(bundle.camera, looks.twin)
     camera = bundle.camera
@@ -408,13 +408,3 @@ def found_scene(
         doubt=doubt_of(bundle, looks.known(bundle), looks.off(bundle), metre, scale_free=scale_free),
         twin=looks.twin,
     )
-
-
-def _mismatch_share(frames: KeyFrames, shown: SceneGuess) -> float:
-    """Return the median mismatch of outline and mask as a share of the mask's area (paper eq. 3)."""
-    rig = rig_of(as_thick(frames, shown.mechanism, shown.camera), shown.camera, shrink=frames.shrink)
-    shares = []
-    for frame, q in zip(frames.frames, shown.positions, strict=True):
-        cost = pose_balance(frame.balance, rig, q[np.newaxis], len(rig.radius))[0]
-        shares.append((frame.area + float(cost)) / max(frame.area, 1.0))
-    return float(np.median(shares))

@@ -8,6 +8,7 @@ improved in turn.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +23,7 @@ from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of, root_slides
 from monodyn.vision.locating.beam import Beam, extended, slide_places
-from monodyn.vision.locating.grow import SceneStart, Structure, better_mean, grown, whole
+from monodyn.vision.locating.grow import SceneStart, Structure, better_mean, grown, unexplained, whole
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import root_lines, root_points
 from monodyn.vision.locating.settle import settled
@@ -136,7 +137,7 @@ def search_pose(
     both = np.vstack([beam, np.array(polished)])
     costs = pose_balance(frame.balance, rig, both, len(rig.radius))
     best = int(np.argmin(costs))
-    return both[best], (frame.area + float(costs[best])) / max(frame.area, 1.0)
+    return both[best], unexplained(frame, float(costs[best]))
 
 
 def search_poses(
@@ -172,6 +173,29 @@ def as_thick(frames: KeyFrames, mechanism: Mechanism, camera: Camera) -> Mechani
         camera: The camera before it, in the same unit.
     """
     return thickened(mechanism, (frames.thicker or 0.0) * frames.shrink * camera.depth / camera.focal)
+
+
+def left_shares(
+    frames: KeyFrames, mechanism: Mechanism, camera: Camera, poses: Iterable[np.ndarray]
+) -> np.ndarray:
+    """Return the share of each frame's foreground that a mechanism does not explain (paper eq. 3).
+
+    Args:
+        frames: The key frames.
+        mechanism: The mechanism.
+        camera: The camera.
+        poses: Joint positions in each frame, each (dof,).
+
+    Returns:
+        The shares, (key frame,).
+    """
+    rig = rig_of(as_thick(frames, mechanism, camera), camera, shrink=frames.shrink)
+
+    def left(pair: tuple[KeyFrame, np.ndarray]) -> float:
+        frame, q = pair
+        return unexplained(frame, float(pose_balance(frame.balance, rig, q[np.newaxis], len(rig.radius))[0]))
+
+    return np.array(on_all_cores(left, zip(frames.afresh().frames, poses, strict=True)))
 
 
 def thinned(frames: KeyFrames, mechanism: Mechanism, camera: Camera) -> Mechanism:
