@@ -178,7 +178,7 @@ def as_thick(frames: KeyFrames, mechanism: Mechanism, camera: Camera) -> Mechani
 def left_shares(
     frames: KeyFrames, mechanism: Mechanism, camera: Camera, poses: Iterable[np.ndarray]
 ) -> np.ndarray:
-    """Return the share of each frame's foreground that a mechanism does not explain (paper eq. 3).
+    """Return the share of each frame's foreground that a mechanism does not explain.
 
     Args:
         frames: The key frames.
@@ -188,6 +188,9 @@ def left_shares(
 
     Returns:
         The shares, (key frame,).
+
+    Source:
+        The mismatch of outline and mask is eq. (3) of the 2012 paper.
     """
     rig = rig_of(as_thick(frames, mechanism, camera), camera, shrink=frames.shrink)
 
