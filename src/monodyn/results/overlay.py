@@ -65,7 +65,8 @@ LINES = 2
 """Lines of a caption, at most."""
 QUALITY = {"preset": "ultrafast", "qp": "20"}
 """How the film is encoded: one step for all pictures takes a third less time and room than a rate that the
-encoder works out for each picture (``crf`` 21), at 46 to 49 dB in place of 47 to 51 (mean PSNR of four clips)."""
+encoder works out for each picture (``crf`` 21), at 46 to 49 dB in place of 47 to 51 (mean PSNR of
+four clips)."""
 ONE_THREAD_PX = 1_000_000
 """Size of the largest picture that one thread draws and encodes about as fast as it is decoded [px]."""
 
