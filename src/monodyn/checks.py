@@ -26,6 +26,7 @@ from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
 from monodyn.stages import check_camera
 from monodyn.types import Poses
+from monodyn.vision.clip.once import decoded_once
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.drawing.outline import check_told_apart
 from monodyn.vision.foreground.background import Background
@@ -55,8 +56,9 @@ def clip_and_mechanism(clip: str | Path, model: str | Path, settings: RunSetting
     Raises:
         SettingsError: the picture of the background does not exist.
     """
+    # it is decoded while the mechanism is loaded
+    video = decoded_once(read(clip, rate=settings.rate, whole=settings.in_pixels))
     mechanism = drawn_mechanism(model, settings)
-    video = read(clip, rate=settings.rate, whole=settings.in_pixels)
     if settings.background is not None and not Path(settings.background).is_file():
         raise SettingsError(
             f"background '{settings.background}': expected a picture file, found none; check the path."

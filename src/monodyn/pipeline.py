@@ -1,6 +1,6 @@
 """The composition: a clip and a mechanism file in, a run folder out.
 
-Everything that can be refused is refused before the first frame is decoded and before anything is written.
+Everything that can be refused is refused before anything is written.
 """
 
 from __future__ import annotations
