@@ -11,7 +11,7 @@ import numpy as np
 from monodyn.types import FULL, Mask
 from monodyn.vision.foreground.background import Window
 from monodyn.vision.foreground.masks import View, plain_view
-from monodyn.vision.locating.keyframes import LEAST_COVERAGE, key_frame, key_frames, no_frames
+from monodyn.vision.locating.keyframes import MOST_STRAY, key_frame, key_frames, no_frames
 
 HEIGHT, WIDTH, SHRINK = 90, 510, 3
 """A picture that is three times as wide as the reduced one may be [px]."""
@@ -60,7 +60,7 @@ def test_reduced_masks_are_means_and_their_sums_cumulative() -> None:
     mean = planes.max(axis=0).astype(float).reshape(shape).mean(axis=(1, 3))
     known = np.arange(WIDTH // SHRINK) >= 10
     np.testing.assert_array_equal(frames.unknown, np.broadcast_to(~known, frame.coarse.shape))
-    assert np.abs(np.where(mean < LEAST_COVERAGE, 0, mean) - frame.coarse)[:, known].max() <= 0.51
+    assert np.abs(np.where(mean < MOST_STRAY + 0.5, 0, mean) - frame.coarse)[:, known].max() <= 0.51
     assert np.all(frame.coarse[:, ~known] == FULL // 2)
     expected = np.cumsum(frame.coarse.astype(float), axis=1) / FULL
     np.testing.assert_allclose(frame.sums[:, 1:], expected, rtol=1e-5)
@@ -78,7 +78,7 @@ def test_reduced_masks_are_means_and_their_sums_cumulative() -> None:
 
 def test_frames_reduced_further_keep_their_area() -> None:
     rng = np.random.default_rng(1)
-    planes = rng.integers(LEAST_COVERAGE + 1, FULL + 1, (1, HEIGHT, WIDTH), dtype=np.uint8)
+    planes = rng.integers(MOST_STRAY + 1, FULL + 1, (1, HEIGHT, WIDTH), dtype=np.uint8)
     frames = key_frames(masks_of([planes], np.ones((HEIGHT, WIDTH), np.float32)), 1)
     half = frames.reduced(2)
     assert frames.reduced(1) is frames

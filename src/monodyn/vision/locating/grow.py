@@ -164,7 +164,7 @@ def _inscribed(frames: KeyFrames, *, hidden: bool) -> tuple[float, float]:
 
     ridges, widest = [], []
     for frame in frames.frames:
-        shown = (frame.coarse > 0.5 * FULL) & ~frames.unknown
+        shown = (frame.coarse > FULL // 2) & ~frames.unknown
         # a part that lies before edges of the scene is cut by what is not known there, and no thinner for it
         inside = (shown | frames.unknown).astype(np.uint8)
         depth = cv2.distanceTransform(inside, cv2.DIST_L2, 5)

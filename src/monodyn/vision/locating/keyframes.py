@@ -16,8 +16,8 @@ from monodyn.vision.locating.thin import lacking, thickened_mask
 
 UNKNOWN = 0.06
 """Trust below which a pixel carries no information."""
-LEAST_COVERAGE = FULL * 0.16
-"""Coverage of a reduced pixel below which it counts as none."""
+MOST_STRAY = FULL * 16 // 100
+"""Coverage of a reduced pixel up to which it counts as none."""
 COARSE_PX = 170
 """Largest side of the reduced picture of the moving part [px]."""
 JUDGED = 8
@@ -59,7 +59,7 @@ class KeyFrame:
     def extent(self) -> tuple[np.ndarray, np.ndarray]:
         """First and last row, then first and last column, of what is more than half covered [reduced px],
         each (2,); zero and the picture's sizes where nothing is."""
-        shown = self.coarse > 0.5 * FULL
+        shown = self.coarse > FULL // 2
         rows, columns = (np.flatnonzero(shown.any(axis=axis)) for axis in (1, 0))
         if not len(rows):
             rows, columns = (np.array([0, size]) for size in shown.shape)
@@ -177,6 +177,11 @@ class KeyFrames:
         return self.coarse_trust < UNKNOWN
 
     @cached_property
+    def unknown_places(self) -> np.ndarray:
+        """Which pixels these are, by flat index, (pixel,)."""
+        return np.flatnonzero(self.unknown)
+
+    @cached_property
     def blind(self) -> np.ndarray:
         """True where it carries none of any colour, bool (height, width)."""
         return self.most_trust < UNKNOWN
@@ -193,18 +198,21 @@ class KeyFrames:
 
     @cached_property
     def _small(self) -> np.ndarray:
-        """The masks, small enough to be compared one with another, float32 (key frame, pixel)."""
+        """The masks, small enough to be compared one with another, uint8 (key frame, pixel)."""
         import cv2
 
         by = max(4.0, max(self.coarse_trust.shape) / COMPARED_PX)
         size = [max(1, round(side / by)) for side in self.coarse_trust.shape[::-1]]
         small = [cv2.resize(frame.coarse, size, interpolation=cv2.INTER_AREA) for frame in self.frames]
-        return np.stack(small).reshape(len(small), -1).astype(np.float32)
+        return np.stack(small).reshape(len(small), -1)
 
     def _farthest(self) -> int:
         """Return the row of the frame that is the farthest from those chosen so far."""
-        last = self._order[-1]
-        np.minimum(self._apart, np.abs(self._small - self._small[last]).sum(axis=1), out=self._apart)
+        last, small = self._order[-1], self._small
+        # whole numbers, a quarter of the memory of fractions: of their differences neither may be negative
+        apart = np.maximum(small, small[last])
+        apart -= np.minimum(small, small[last])
+        np.minimum(self._apart, apart.sum(axis=1, dtype=np.uint32), out=self._apart)
         self._apart[last] = -1.0
         return int(np.argmax(self._apart))
 
@@ -261,9 +269,11 @@ def no_frames(masks: Masks, view: View) -> KeyFrames:
 
 def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
     """Reduce a mask, as thick as the others."""
+    import cv2
+
     shown = _averaged(mask.coverage, frames.shrink)
     np.minimum(shown, FULL, out=shown)
-    shown[shown < LEAST_COVERAGE] = 0
+    cv2.threshold(shown, MOST_STRAY, 0, cv2.THRESH_TOZERO, dst=shown)
     if frames.thicker is not None:
         shown = thickened_mask(np.where(frames.blind, np.uint8(0), shown), round(frames.thicker))
     coarse, area = _filled(shown, frames)
@@ -273,12 +283,12 @@ def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
 
 def _filled(shown: np.ndarray, frames: KeyFrames) -> tuple[np.ndarray, float]:
     """Return a reduced mask and its area from what it shows, where it may not show all of the mechanism."""
-    area, unknown = float(shown.sum()) / FULL, frames.unknown
+    area, places = int(shown.sum(dtype=np.uint32)) / FULL, frames.unknown_places
     # Half covered costs a pose the same whether it covers the pixel or not: 1 - 2 I_a is zero there. Where
     # some of the mechanism's colours cannot be seen, what shows is the mechanism all the same.
-    seen = np.where(frames.blind[unknown], 0, shown[unknown])
+    seen = np.where(frames.blind.ravel()[places], 0, shown.ravel()[places])
     filled = shown.copy()
-    filled[unknown] = np.maximum(seen, FULL // 2)
+    filled.ravel()[places] = np.maximum(seen, FULL // 2)
     return filled, area
 
 

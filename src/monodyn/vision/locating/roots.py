@@ -92,7 +92,7 @@ def root_points(frames: KeyFrames, count: int = 6) -> list[Root]:
     for point in points:
         if all(math.dist(point, other) >= least for other in chosen):
             chosen.append(point)
-    shown = [np.argwhere((frame.coarse > 0.5 * FULL) & ~frames.unknown) for frame in frames.frames]
+    shown = [np.argwhere((frame.coarse > FULL // 2) & ~frames.unknown) for frame in frames.frames]
     return [_root_at(shown, frames.shrink, *point) for point in chosen[:count]]
 
 
@@ -109,7 +109,7 @@ def root_lines(frames: KeyFrames, count: int = 7, *, upright: bool = False) -> l
     """
     axis = 0 if upright else 1
     known = [np.where(frames.unknown, 0, frame.coarse) for frame in frames.frames]
-    ever = np.nonzero(np.max([mask.max(axis=axis) for mask in known], axis=0) > 0.5 * FULL)[0]
+    ever = np.nonzero(np.max([mask.max(axis=axis) for mask in known], axis=0) > FULL // 2)[0]
     if not len(ever):
         return []
     places: list[float] = []
@@ -138,7 +138,7 @@ def _extents(frames: KeyFrames, place: int, *, upright: bool) -> tuple[float, ..
     """
     lengths = []
     for frame in frames.frames:
-        inside = (frame.coarse > 0.5 * FULL) | frames.unknown
+        inside = (frame.coarse > FULL // 2) | frames.unknown
         line = np.concatenate([[False], inside[:, place] if upright else inside[place], [False]])
         edges = np.flatnonzero(line[1:] != line[:-1])
         lengths.append(float(np.max(edges[1::2] - edges[::2], initial=0)))
@@ -170,7 +170,7 @@ def _turning_points(frames: KeyFrames) -> list[tuple[float, float]]:
 
 def _cells(masks: list[np.ndarray], count: int) -> _Cells:
     """Sum the foreground over cells, of which its extent has about ``count``."""
-    rows, columns = np.nonzero(np.max(masks, axis=0) > 0.5 * FULL)
+    rows, columns = np.nonzero(np.max(masks, axis=0) > FULL // 2)
     if not len(rows):
         none = np.zeros(0)
         return _Cells(none, none, none, np.zeros(1, dtype=np.int64), 1.0, 1.0)
