@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -29,6 +30,7 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.results.trace import frame_numbers
 from monodyn.settings import RunSettings
 from monodyn.types import Poses
+from monodyn.vision.clip import container
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.thumbnails import Window
@@ -137,6 +139,23 @@ def test_a_mechanism_without_shape_has_no_picture(make_clip: ClipMaker, tmp_path
     )
     with refuses(MechanismError, said):
         clip_and_mechanism(make_clip(), model, RunSettings())
+
+
+def test_the_clip_of_a_run_is_decoded_once(make_clip: ClipMaker, monkeypatch: pytest.MonkeyPatch) -> None:
+    real, shown = container.pictures, []
+
+    def counted(opened: object, stream: object) -> Iterator[object]:
+        for picture in real(opened, stream):
+            shown.append(picture)
+            yield picture
+
+    path = make_clip()
+    monkeypatch.setattr(container, "pictures", counted)
+    video, _ = clip_and_mechanism(path, MODEL, RunSettings())
+    # those that are looked at for size and stamps come first
+    for first, stop in ((0, 12), (5, 9), (0, 12)):
+        assert [frame.index for frame in video.frames(first, stop)] == list(range(first, stop))
+    assert len(shown) == container.OPENING + 12
 
 
 def test_a_background_that_is_not_there(make_clip: ClipMaker) -> None:

@@ -1,7 +1,6 @@
 """What a run is given, checked: mechanism, clip, frames of the fit, times of the prediction.
 
-Everything here is refused before the first frame is decoded and before anything is written, except a clip in
-which the mechanism was not found.
+Everything here is refused before anything is written, except a clip in which the mechanism was not found.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ UNCOMPARED = (
 
 
 def clip_and_mechanism(clip: str | Path, model: str | Path, settings: RunSettings) -> tuple[Video, Mechanism]:
-    """Return the opened clip and its mechanism with the user's choices.
+    """Return the opened clip, which is being decoded, and its mechanism with the user's choices.
 
     Args:
         clip: Video file or folder of pictures.
@@ -56,14 +55,13 @@ def clip_and_mechanism(clip: str | Path, model: str | Path, settings: RunSetting
     Raises:
         SettingsError: the picture of the background does not exist.
     """
-    # it is decoded while the mechanism is loaded
-    video = decoded_once(read(clip, rate=settings.rate, whole=settings.in_pixels))
-    mechanism = drawn_mechanism(model, settings)
     if settings.background is not None and not Path(settings.background).is_file():
         raise SettingsError(
             f"background '{settings.background}': expected a picture file, found none; check the path."
         )
-    return video, mechanism
+    # it is decoded while the mechanism is loaded
+    video = decoded_once(read(clip, rate=settings.rate, whole=settings.in_pixels))
+    return video, drawn_mechanism(model, settings)
 
 
 def drawn_mechanism(model: str | Path, settings: RunSettings) -> Mechanism:

@@ -19,7 +19,8 @@ from monodyn.mechanism import Mechanism
 from monodyn.mechanism.parts import PLACE_KINDS, Parameter
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y
 from monodyn.types import FULL, Camera
-from monodyn.vision.drawing.rig import SIZE_KINDS, longest_reach, rig_of
+from monodyn.vision.drawing.mismatch import pose_balance
+from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, longest_reach, rig_of
 from monodyn.vision.locating.beam import Beam, extended
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import Root
@@ -388,6 +389,17 @@ def unexplained(frame: KeyFrame, cost: float) -> float:
         cost: Mismatch of a pose less the area of the mask [reduced px^2].
     """
     return (frame.area + cost) / max(frame.area, 1.0)
+
+
+def left_share(frame: KeyFrame, rig: Rig, pose: np.ndarray) -> float:
+    """Return the share of a frame's foreground that a pose leaves unexplained.
+
+    Args:
+        frame: The frame.
+        rig: The mechanism in its reduced picture.
+        pose: Joint positions, (dof,).
+    """
+    return unexplained(frame, float(pose_balance(frame.balance, rig, pose[np.newaxis], len(rig.radius))[0]))
 
 
 def better_mean(shares: np.ndarray) -> float:

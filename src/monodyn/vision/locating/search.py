@@ -23,7 +23,15 @@ from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of, root_slides
 from monodyn.vision.locating.beam import Beam, extended, slide_places
-from monodyn.vision.locating.grow import SceneStart, Structure, better_mean, grown, unexplained, whole
+from monodyn.vision.locating.grow import (
+    SceneStart,
+    Structure,
+    better_mean,
+    grown,
+    left_share,
+    unexplained,
+    whole,
+)
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import root_lines, root_points
 from monodyn.vision.locating.settle import settled
@@ -193,12 +201,8 @@ def left_shares(
         The mismatch of outline and mask is eq. (3) of the 2012 paper.
     """
     rig = rig_of(as_thick(frames, mechanism, camera), camera, shrink=frames.shrink)
-
-    def left(pair: tuple[KeyFrame, np.ndarray]) -> float:
-        frame, q = pair
-        return unexplained(frame, float(pose_balance(frame.balance, rig, q[np.newaxis], len(rig.radius))[0]))
-
-    return np.array(on_all_cores(left, zip(frames.afresh().frames, poses, strict=True)))
+    pairs = zip(frames.afresh().frames, poses, strict=True)
+    return np.array(on_all_cores(lambda pair: left_share(pair[0], rig, pair[1]), pairs))
 
 
 def thinned(frames: KeyFrames, mechanism: Mechanism, camera: Camera) -> Mechanism:

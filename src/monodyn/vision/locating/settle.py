@@ -11,9 +11,8 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.types import Camera
-from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, rig_of
-from monodyn.vision.locating.grow import SceneStart, Structure, better_mean, unexplained
+from monodyn.vision.locating.grow import SceneStart, Structure, better_mean, left_share
 from monodyn.vision.locating.keyframes import KeyFrames
 from monodyn.vision.locating.unit import drawn
 
@@ -94,8 +93,5 @@ def frames_cost(
         Mean share of the better frames.
     """
     rig: Rig = rig_of(mechanism, camera, shrink=frames.shrink)
-    shares = [
-        unexplained(frame, float(pose_balance(frame.balance, rig, pose[np.newaxis], len(rig.radius))[0]))
-        for frame, pose in zip(frames.frames, poses, strict=True)
-    ]
+    shares = [left_share(frame, rig, pose) for frame, pose in zip(frames.frames, poses, strict=True)]
     return better_mean(np.array(shares))
