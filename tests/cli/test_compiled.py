@@ -255,3 +255,64 @@ def test_what_only_the_compiler_needs_waits_until_something_is_compiled(tmp_path
     assert done("to call", "into others") == [[48.0, 21.0, 8.0], 1, [waits, there]]
     # as numba loads it, to which the above is the exception
     assert done() == [[48.0], 1, [there]]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["as llvmlite does", "owners"])
+def test_ctrl_c_while_llvm_takes_a_program_does_not_have_it_destroyed_twice(how: str) -> None:
+    """In a process of its own: without owners that are noted before, it ends by a fault."""
+    found = subprocess.run(
+        [sys.executable, "-c", STOPPED, how], capture_output=True, text=True, timeout=300, check=False
+    )
+    if how == "owners":
+        assert found.returncode == 0, found.stderr
+    assert (found.stdout == "LLVMPY_LinkModules LLVMPY_AddModule\n") == (how == "owners")
+
+
+STOPPED = """
+import gc, sys
+from llvmlite import binding
+from llvmlite.binding import executionengine, ffi
+from numba.core.registry import cpu_target
+
+from monodyn.cli.owners import note_owners_before
+
+# LLVM is made ready
+cpu_target.target_context.codegen()
+if sys.argv[1] == "owners":
+    note_owners_before()
+
+def program(name):
+    return binding.parse_assembly(f"define i32 @{name}() {{ ret i32 7 }}")
+
+def stopped(name, job):
+    # Ctrl-C waits until LLVM is done
+    done = getattr(ffi.lib, name)
+    def call(*given):
+        done(*given)
+        raise KeyboardInterrupt
+    ffi.lib._fntab[name] = call
+    try:
+        job()
+    except KeyboardInterrupt:
+        return name
+    finally:
+        ffi.lib._fntab[name] = done
+
+machine = binding.Target.from_default_triple().create_target_machine()
+engine = executionengine.create_mcjit_compiler(program("first"), machine)
+into, other, given = program("into"), program("other"), program("given")
+names = [
+    stopped("LLVMPY_LinkModules", lambda: into.link_in(other)),
+    stopped("LLVMPY_AddModule", lambda: engine.add_module(given)),
+]
+assert {one.name for one in into.functions} == {"into", "other"}
+del other, given
+gc.collect()
+engine.finalize_object()
+assert engine.get_function_address("given")
+engine.close()
+into.close()
+print(*names, flush=True)
+"""
+"""Ctrl-C comes as soon as LLVM has taken a program; then all that has an owner is destroyed."""

@@ -199,8 +199,10 @@ def _dispatch(words: list[str], *, own: bool) -> int:
         share_one_heap()
         if words[0] != LISTING:
             from monodyn.cli.loaded import load_to_call
+            from monodyn.cli.owners import note_owners_before
 
             load_to_call()
+            note_owners_before()
     if compiled_before():
         return options.go()
     if not getattr(options, "quiet", True) and sys.stderr.isatty():
