@@ -150,7 +150,7 @@ def test_pushes_are_carried_on_as_an_integration_has_them():
     q, v = rollout(single.tree, times, *begin, substeps=4)
     waves = _waves(np.concatenate([np.cos(q), np.sin(q), v], axis=1), 1)
     trial = SimpleNamespace(runs=[(0, len(times), begin)])
-    carried = transitions(single.tree, times, np.concatenate(begin), substeps=4)
+    carried = transitions(single.tree, times, np.concatenate((q, v), axis=1), substeps=4)
     found = _pushed(times, carried, trial, [waves])[0][:, 0]
     for wave in (0, 7, 30):
 

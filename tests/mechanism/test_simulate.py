@@ -155,7 +155,8 @@ def test_simulate_checks_what_it_is_given() -> None:
 def test_transitions_multiply_to_the_derivative_by_the_start() -> None:
     mechanism, times = load("double"), np.array([0.0, 0.1, 0.15, 0.3])
     start = np.array([0.4, 0.9, -1.0, 2.0])
-    found = transitions(mechanism.tree, times, start, substeps=8)
+    motion = np.concatenate(rollout(mechanism.tree, times, *np.split(start, 2), substeps=8), axis=1)
+    found = transitions(mechanism.tree, times, motion, substeps=8)
     whole = np.eye(4)
     for step in found:
         whole = step @ whole

@@ -61,7 +61,7 @@ def test_random_accelerations_are_those_of_generalized_least_squares(fit):
     lacking = replace(fit, unmodelled=Unmodelled(density, np.zeros((4, 4))))
     motion, count = motion_of(fit), len(fit.shared)
     found = information_along(lacking, motion, NOISE)[-1]
-    steps = transitions(fit.mechanism.tree, motion.stamps, motion.motion[0], substeps=motion.substeps)
+    steps = transitions(fit.mechanism.tree, motion.stamps, motion.motion, substeps=motion.substeps)
     rows = len(steps)
     # covariance of all positions, written out
     states = np.zeros((rows, rows, 4, 4))

@@ -338,14 +338,14 @@ def _carried(
 
 
 def transitions(
-    tree: Tree, times: np.ndarray, start: np.ndarray, *, substeps: int, drive: Drive | None = None
+    tree: Tree, times: np.ndarray, motion: np.ndarray, *, substeps: int, drive: Drive | None = None
 ) -> np.ndarray:
-    """Differentiate the state at each time stamp by the state at the one before.
+    """Differentiate the state at each time stamp of a motion by the state at the one before.
 
     Args:
         tree: The joint tree.
         times: Time stamps [s], (frame,).
-        start: Joint positions, then rates at ``times[0]`` [rad or m, rad/s or m/s], (2 dof,).
+        motion: Joint positions, then rates there [rad or m, rad/s or m/s], (frame, 2 dof).
         substeps: Equal steps between two stamps.
         drive: Torques over time in addition to friction and springs, or None.
 
@@ -356,16 +356,16 @@ def transitions(
         MechanismError: From ``_agree``: an array is not of the tree's joints.
     """
     drive = drive or UNDRIVEN(len(tree.parent))
-    q, v = rollout(tree, times, *np.split(start, 2), substeps=substeps, drive=drive)
     none = np.zeros(0)
     entry = np.full(drive.table.shape, -1)
     nothing = Directions(np.zeros((*tree.links.shape, 0)), np.zeros((2, 0)), entry, none, none, none)
-    found = np.empty((len(times), len(start), len(start)))
-    found[:1] = np.eye(len(start))
+    found = np.empty((*motion.shape, motion.shape[1]))
+    found[:1] = np.eye(motion.shape[1])
     # every interval is a run of its own, of two frames
-    pairs, starts = np.column_stack((times[:-1], times[1:])).ravel(), np.hstack((q, v))[:-1]
+    pairs = np.column_stack((times[:-1], times[1:])).ravel()
+    first = np.arange(0, len(pairs) + 1, 2)
     _, _, dq, dv = rollouts_derivatives(
-        tree, nothing, pairs, np.arange(0, len(pairs) + 1, 2), starts, substeps=substeps, drive=drive
+        tree, nothing, pairs, first, motion[:-1], substeps=substeps, drive=drive
     )
     found[1:] = np.concatenate((dq[1::2], dv[1::2]), axis=1)
     return found

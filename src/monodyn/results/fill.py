@@ -246,7 +246,7 @@ def _astray(fit: Fit, record: int, carried: Carried) -> np.ndarray:
     from monodyn.mechanism.simulate import transitions
 
     clock, drive = stamps * fit.mechanism.values["time_scale"], carried.drive
-    steps = transitions(fit.mechanism.tree, clock, motion[0], substeps=carried.substeps, drive=drive)
+    steps = transitions(fit.mechanism.tree, clock, motion, substeps=carried.substeps, drive=drive)
     for i in np.flatnonzero(away):
         pushed = random_push(density, clock[i] - clock[i - 1])
         covariance = steps[i] @ covariance @ steps[i].T + pushed

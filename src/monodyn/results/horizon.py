@@ -17,6 +17,8 @@ from monodyn.results.trace import Trace
 
 FARTHEST = 60.0
 """How long after the fitted frames is looked at most [s]."""
+FASTEST = 4.0
+"""How much farther is looked at from one time to the next, at most."""
 ALL_OF_IT = 1.5
 """Where this much farther is beyond all that is looked at, the rest is looked at as well."""
 EXACT = 1e-3
@@ -57,18 +59,30 @@ def horizon(fit: Fit, tolerance: Tolerance | None = None, *, record: int = 0) ->
     most = _by_joint(fit, tolerance or Tolerance())
     stamps = fit.time[record] if record < len(fit.time) else np.zeros(1)
     end, step = float(stamps[-1]), spacing(stamps)
-    length = float(stamps[-1] - stamps[0])
+    length = max(2.0 * float(stamps[-1] - stamps[0]), 1.0)
     error_bound = max(EXACT * float(np.min(most)), ERROR_BOUND)
     # of a chaotic motion the band grows beyond all numbers: it is followed no farther than it has to be
     while True:
-        length = max(2.0 * length, 1.0)
         length = length if ALL_OF_IT * length < FARTHEST else FARTHEST
         ahead = step * np.arange(1, max(round(length / step), 1) + 1)
-        off = ~(BAND * fill(fit, end + ahead, record=record, error_bound=error_bound).std <= most)
+        band = BAND * fill(fit, end + ahead, record=record, error_bound=error_bound).std / most
+        off = ~(band <= 1.0)
         if off.any():
             return _first(fit, ahead, off)
         if length == FARTHEST:
             return Horizon(np.inf, "")
+        length *= _farther(band)
+
+
+def _farther(band: np.ndarray) -> float:
+    """Return how many times as far a band, as a share of what is allowed, (frame, dof), is looked at next: at
+    least twice, and up to ``FASTEST`` where it would still be allowed there if it went on to grow as from the
+    first half of its frames to the second."""
+    first, second = (float(np.max(half, initial=0.0)) for half in np.array_split(band, 2))
+    if not second > first > 0.0:
+        return FASTEST
+    halves = -np.log(second) / np.log(second / first)
+    return float(np.clip(1.0 + 0.5 * halves, 2.0, FASTEST))
 
 
 def horizon_of(fit: Fit, trace: Trace, tolerance: Tolerance, *, record: int = 0) -> Horizon:

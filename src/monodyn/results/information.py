@@ -170,7 +170,7 @@ def information_along(fit: Fit, motion: Carried, noise: np.ndarray) -> np.ndarra
     count, dofs = len(fit.shared), len(noise)
     clock = motion.stamps * fit.mechanism.values["time_scale"]
     steps = transitions(
-        fit.mechanism.tree, clock, motion.motion[0], substeps=motion.substeps, drive=motion.drive
+        fit.mechanism.tree, clock, motion.motion, substeps=motion.substeps, drive=motion.drive
     )
     lacking = np.zeros(dofs) if fit.unmodelled is None else fit.unmodelled.density
     signal = motion.slopes[:, :dofs, :count]

@@ -70,10 +70,11 @@ def write_results(
         folder.write_text("camera.csv", camera_table(filmed.video.times, filmed.camera_path))
     if filmed is not None and filmed.sight is not None and findings.frames is not None:
         filmed.sight.fit_frames = (findings.frames[0], findings.frames[1])
+    # what takes longest comes first, so that both threads end at about the same time
     parts: dict[str, Callable[[], Any]] = {
+        "steps": partial(next_steps, findings),
         "document": partial(_write_documents, folder, findings),
         "diagnosis": partial(_write_diagnosis, folder, findings),
-        "steps": partial(next_steps, findings),
         # compiled here, where two work, and not below
         "template": partial(template, *REPORT),
     }

@@ -35,7 +35,7 @@ from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.common import common_error, left_open, less, unknown_errors
 from monodyn.estimation.verdict.trust import LOST_NOISE, LOST_SHARE
 from monodyn.estimation.verdict.uncertainty import Knowledge, NoiseFactors, knowledge_at, noise_factors
-from monodyn.mechanism.simulate import transitions
+from monodyn.mechanism.simulate import rollout, transitions
 from monodyn.mechanism.torques import LAG
 from monodyn.optimize import SearchSettings
 
@@ -92,8 +92,9 @@ class Refined:
         clock, lag, parts = problem.data.times * stretch, mechanism.values.get(LAG, 0.0), []
         for first, stop, state in trial.runs:
             drive = problem.driven(mechanism.drive, lag, stretch, first, stop)
-            fine = trial.substeps
-            parts.append(transitions(mechanism.tree, clock[first:stop], state, substeps=fine, drive=drive))
+            tree, times, fine = mechanism.tree, clock[first:stop], trial.substeps
+            motion = np.hstack(rollout(tree, times, *np.split(state, 2), substeps=fine, drive=drive))
+            parts.append(transitions(tree, times, motion, substeps=fine, drive=drive))
         return clock, np.concatenate(parts)
 
     @property
