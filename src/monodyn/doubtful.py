@@ -262,8 +262,8 @@ def _outside(own: np.ndarray, others: Sequence[np.ndarray]) -> float:
 
 def _within(places: np.ndarray, points: np.ndarray, unit: float) -> np.ndarray:
     """Return which places, (place, 2), are within the hull of some points, (point, 2), bool (place,)."""
-    corners = np.empty(len(points) + 1, dtype=np.int64)
-    ends = points[corners[: convex_hull(points / unit, 0, len(points), corners)]]
+    corners, order = np.empty((2, len(points) + 1), dtype=np.int64)
+    ends = points[corners[: convex_hull(points / unit, 0, len(points), corners, order)]]
     edges = np.roll(ends, -1, axis=0) - ends
     off = places[:, None] - ends
     return np.all(off[..., 0] * edges[:, 1] <= off[..., 1] * edges[:, 0], axis=1)

@@ -9,13 +9,15 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.uncounted import UNCOUNTED
+
 SINGULAR = 1e-12
 """Share of the largest eigenvalue below which there is none, in a system without one solution."""
 TURNED = 60
 """Rounds of turns at most; Jacobi's method takes about ten."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, **UNCOUNTED)
 def eliminate(matrix: np.ndarray, right: np.ndarray) -> bool:  # pragma: no cover - compiled
     """Solve a system in place, by Gauss's elimination with the largest pivot of each column.
 

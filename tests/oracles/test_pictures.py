@@ -28,6 +28,7 @@ from monodyn.vision.drawing.silhouette import (
     blank_outlines,
     convex_hull,
     draw,
+    fill_hulls,
 )
 from monodyn.vision.foreground.background import Background, Window
 from monodyn.vision.foreground.coverage import coverage_of
@@ -53,15 +54,15 @@ def slow_hull(points: np.ndarray) -> set[int]:
 @pytest.mark.parametrize("count", [3, 5, 12, 40])
 def test_convex_hull_has_the_corners_of_a_slow_one(count: int) -> None:
     points = np.random.default_rng(count).normal(size=(count, 2))
-    hull = np.empty(count + 1, np.int64)
-    size = convex_hull(points, 0, count, hull)
+    hull, order = np.empty((2, count + 1), np.int64)
+    size = convex_hull(points, 0, count, hull, order)
     assert set(hull[:size].tolist()) == slow_hull(points)
 
 
 def test_convex_hull_leaves_out_points_along_an_edge() -> None:
     points = np.array([[0, 0], [1, 0], [2, 0], [2, 2], [1, 2], [0, 2], [0, 1]], dtype=float)
-    hull = np.empty(8, np.int64)
-    assert sorted(hull[: convex_hull(points, 0, 7, hull)].tolist()) == [0, 2, 3, 5]
+    hull, order = np.empty((2, 8), np.int64)
+    assert sorted(hull[: convex_hull(points, 0, 7, hull, order)].tolist()) == [0, 2, 3, 5]
 
 
 def test_row_sums_are_sums_of_the_row() -> None:
@@ -106,10 +107,9 @@ def sums_over(mask: np.ndarray, polygons: list[np.ndarray]) -> tuple[float, floa
     px, count = np.concatenate(polygons).astype(float), len(polygons)
     starts = np.concatenate([[0], np.cumsum([len(polygon) for polygon in polygons])])
     hull, first = np.empty(len(px) + 2 * count + 2, np.int64), np.zeros(count + 1, np.int64)
-    for g in range(count):
-        first[g + 1] = first[g] + convex_hull(px, starts[g], starts[g + 1], hull[first[g] :])
+    outlines = Outlines(starts, px, hull, first, np.empty((0, 3)), np.empty(len(px), np.int64))
+    fill_hulls(outlines, 0)
     inside = np.empty(1)
-    outlines = Outlines(starts, px, hull, first)
     area = silhouette_sums(row_sums(mask)[np.newaxis], outlines, blank_cuts(count), inside)
     return area - 2.0 * float(inside[0]), area
 

@@ -11,6 +11,7 @@ from numba import njit
 
 from monodyn.mechanism.branches import factor, solve
 from monodyn.mechanism.tree import CREEP, FRICTION, LEAD
+from monodyn.uncounted import COUNTED, UNCOUNTED
 
 MOST_NEWTON, MOST_HALVED = 60, 50
 """Steps to the accelerations under friction that leads, and halvings of one of them, at most."""
@@ -18,7 +19,7 @@ SETTLED_AT = 1e-10
 """Change of what friction turns with, relative to itself or the rate of creep, at which they are found."""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def smoothed_sign(rate, creep):  # pragma: no cover - compiled
     """Return the smoothed sign of ``rate``, tanh(rate / creep), without overflow for complex rates."""
     x = rate / creep
@@ -31,7 +32,7 @@ def smoothed_sign(rate, creep):  # pragma: no cover - compiled
     return (1.0 - e) / (1.0 + e)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def _ahead(i, kind, links, v, a):  # pragma: no cover - compiled
     """Return the dry friction of joint i that turns ahead of the rate, and its slope by the acceleration.
 
@@ -43,7 +44,7 @@ def _ahead(i, kind, links, v, a):  # pragma: no cover - compiled
     return force * grip, force * (1.0 - grip * grip) * lead / creep
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **COUNTED)
 def turn_ahead(parent, kind, links, v, h, a):  # pragma: no cover - compiled
     """Solve M a + F s((v + lead a) / creep) = b, s the smoothed sign, at the joints that have a lead.
 
@@ -75,7 +76,7 @@ def turn_ahead(parent, kind, links, v, h, a):  # pragma: no cover - compiled
         a[i] += x[i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **COUNTED)
 def _balance(parent, kind, links, v, m, b, x):  # pragma: no cover - compiled
     """Fill ``x`` (dof,) with the real accelerations that balance ``m`` (dof, dof), friction and ``b`` (dof,).
 
@@ -113,7 +114,7 @@ def _balance(parent, kind, links, v, m, b, x):  # pragma: no cover - compiled
             x[i] += share * d[i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED)
 def _share(parent, kind, links, v, m, x, d, left):  # pragma: no cover - compiled
     """Return how much of the step ``d`` from ``x`` to take: all of it unless the function rises there again.
 

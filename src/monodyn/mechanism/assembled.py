@@ -11,6 +11,7 @@ from numba import njit
 
 from monodyn.mechanism.solids import BLOCK, CYLINDER, SPHERE
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, COM_X, COM_Y, INERTIA, MASS
+from monodyn.uncounted import UNCOUNTED
 
 
 @njit(cache=True, error_model="numpy")
@@ -53,7 +54,7 @@ def links_of_many(plan, values, own):  # pragma: no cover - compiled
     return links
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED)
 def over(number, by):  # pragma: no cover - compiled
     """Return a quotient, no number where it is one by zero, which a complex division refuses.
 
@@ -67,7 +68,7 @@ def over(number, by):  # pragma: no cover - compiled
     return number / by
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED)
 def _linear(forms, row, numbers):  # pragma: no cover - compiled
     total = numbers[0] * 0.0 + forms[row, numbers.size]
     for p in range(numbers.size):
@@ -77,7 +78,7 @@ def _linear(forms, row, numbers):  # pragma: no cover - compiled
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED)
 def _body(plan, i, rows, numbers):  # pragma: no cover - compiled
     """Return mass, centre of mass and inertia about it of a body, as ``assemble`` does."""
     none = numbers[0] * 0.0
@@ -97,7 +98,7 @@ def _body(plan, i, rows, numbers):  # pragma: no cover - compiled
     return mass, x, y, inertia
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED)
 def _part(plan, s, rows, numbers):  # pragma: no cover - compiled
     """Return mass, centre and squared radius of gyration of one solid."""
     kind, row, weight, dense = plan.solids[s, 0], plan.solids[s, 1], plan.solids[s, 2], plan.solids[s, 3]

@@ -17,6 +17,7 @@ from numba import njit
 from monodyn.arrays import Frozen, frozen, increasing
 from monodyn.errors import MechanismError, SettingsError
 from monodyn.mechanism.tree import Directions
+from monodyn.uncounted import UNCOUNTED
 
 NONE, FOURIER, KNOTS = range(3)
 
@@ -181,7 +182,7 @@ def fourier_basis(time: np.ndarray, period: float, terms: int, *, derivative: in
     return np.concatenate((mean, pairs.reshape(len(phase), -1)), axis=1)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED)
 def basis_at(mode, stamps, time, side, value, rate):  # pragma: no cover - compiled
     """Write basis and time derivative by column at ``time``; return the range of columns that are not zero.
 
@@ -216,7 +217,7 @@ def basis_at(mode, stamps, time, side, value, rate):  # pragma: no cover - compi
     return 0, 0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED)
 def torque(mode, stamps, table, time, side, value, rate, tau, slope):  # pragma: no cover - compiled
     """Write torques ``tau`` and their time derivatives ``slope``, (dof,); return ``basis_at``'s range."""
     low, high = basis_at(mode, stamps, time, side, value, rate)

@@ -21,7 +21,7 @@ from numba import njit
 from monodyn.mechanism.ahead import smoothed_sign, turn_ahead
 from monodyn.mechanism.branches import factor, solve
 from monodyn.mechanism.drive import NONE, torque
-from monodyn.mechanism.reversals import part_of_step, turns
+from monodyn.mechanism.reversals import is_held, part_of_step, turns
 from monodyn.mechanism.tree import (
     AIR,
     ANCHOR_X,
@@ -43,6 +43,7 @@ from monodyn.mechanism.tree import (
     REST,
     STIFFNESS,
 )  # fmt: skip
+from monodyn.uncounted import UNCOUNTED
 
 C, S, PHI, OX, OY, SW, SX, SY, VW, VX, VY, M, MX, MY, J, FN, FX, FY, AW, AX, AY = range(21)
 ALL_M, ALL_MX, ALL_MY, ALL_J = range(21, 25)
@@ -52,7 +53,7 @@ after ``forward``, the inertia of the link with all that it carries."""
 WORK = 25
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def _place_inertia(i, links, ox, oy, w):  # pragma: no cover - compiled
     """Fill mass, first and second moment of link i, whose frame is at (ox, oy), about the fixed point.
 
@@ -67,7 +68,7 @@ def _place_inertia(i, links, ox, oy, w):  # pragma: no cover - compiled
     w[i, ALL_M], w[i, ALL_MX], w[i, ALL_MY], w[i, ALL_J] = w[i, M], w[i, MX], w[i, MY], w[i, J]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
     """Fill pose, motion subspace, velocity and inertia of every link (columns C to J of ``w``), outward.
 
@@ -120,7 +121,7 @@ def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
         _place_inertia(i, links, ox, oy, w)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def _bias(parent, gravity, v, w):  # pragma: no cover - compiled
     """Fill the force (FN, FX, FY) that each link needs when every joint acceleration is zero.
 
@@ -148,7 +149,7 @@ def _bias(parent, gravity, v, w):  # pragma: no cover - compiled
         w[i, FY] = w[i, M] * w[i, AY] + w[i, AW] * w[i, MX] + w[i, VW] * px
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def air_direction(i, kind, links, w):  # pragma: no cover - compiled
     """Return what the air acts along on link i, (moment about the fixed point, x, y), as ``w`` stands.
 
@@ -171,7 +172,7 @@ def air_direction(i, kind, links, w):  # pragma: no cover - compiled
     return 1.0 + x * w[i, OX] + y * w[i, OY], -y, x
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def resist(kind, links, w):  # pragma: no cover - compiled
     """Add what the air takes to the forces (FN, FX, FY) that the links need."""
     for i in range(kind.size):
@@ -185,7 +186,7 @@ def resist(kind, links, w):  # pragma: no cover - compiled
             w[i, FY] += force * y
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def forward(parent, kind, links, gravity, q, v, tau, hold, w, h, a):  # pragma: no cover - compiled
     """Write the accelerations into ``a`` and the factored inertia matrix into ``h``; ``w`` is scratch.
 
@@ -296,18 +297,21 @@ def _run(
             middle = begin + 0.5 * step
             left, length, ended = step, step, False
             while not ended:
-                x[:], u[:], hold[:] = x0, u0, 0.0
+                for i in range(n):
+                    x[i], u[i], hold[i] = x0[i], u0[i], 0.0
                 if mode != NONE:
                     torque(mode, stamps, table, begin, middle, value, rate, tau, slope)
                 forward(parent, kind, links, gravity, x, u, tau, hold, w, h, a)
                 # the first stage does not depend on the length of the part, but where a joint is held
                 length = part_of_step(parent, kind, links, u, a, h, left, step, substeps, hold)
-                if hold.any():
+                if is_held(hold):
                     forward(parent, kind, links, gravity, x, u, tau, hold, w, h, a)
-                a0[:] = a
+                for i in range(n):
+                    a0[i] = a[i]
                 done = False
                 while not done:
-                    u[:], a[:], rates[:], changes[:] = u0, a0, u0, a0
+                    for i in range(n):
+                        u[i], a[i], rates[i], changes[i] = u0[i], a0[i], u0[i], a0[i]
                     for k in range(1, 4):
                         part = length if k == 3 else 0.5 * length
                         weight = 1.0 if k == 3 else 2.0
@@ -329,7 +333,8 @@ def _run(
                 ended = not abs(length) < abs(left)
                 left -= length
                 begin += length
-        q[f], v[f] = x0, u0
+        for i in range(n):
+            q[f, i], v[f, i] = x0[i], u0[i]
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,6 +7,7 @@ from numba import njit
 
 from monodyn.mechanism.ahead import smoothed_sign
 from monodyn.mechanism.tree import CREEP, FRICTION, LEAD
+from monodyn.uncounted import COUNTED, UNCOUNTED
 
 SETTLED = 4.0
 """Rate over that of creep beyond which dry friction no longer changes (to 1e-3)."""
@@ -31,7 +32,7 @@ SHARE = 0.5
 rate: the way to rest is then gone by two thirds at most, for any length."""
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def part_of_step(parent, kind, links, v, a, h, left, step, substeps, hold):  # pragma: no cover - compiled
     """Return how far to go at once of what is ``left`` of a step, where dry friction may change its sign.
 
@@ -98,7 +99,16 @@ def part_of_step(parent, kind, links, v, a, h, left, step, substeps, hold):  # p
     return part
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+def is_held(hold):  # pragma: no cover - compiled
+    """Return whether ``part_of_step`` has added to the inertia at a joint."""
+    held = False
+    for i in range(hold.size):
+        held = held or hold[i] != 0.0
+    return held
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def turns(kind, links, u0, a0, u, a, length, step):  # pragma: no cover - compiled
     """Return whether friction that leads turns too far in a part of a step, which is then to be halved.
 
@@ -119,7 +129,7 @@ def turns(kind, links, u0, a0, u, a, length, step):  # pragma: no cover - compil
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **COUNTED)
 def _yield(parent, h, i):  # pragma: no cover - compiled
     """Return the acceleration of joint i by a unit force at it: a diagonal entry of the inverse of M."""
     x = np.zeros(h.shape[0])

@@ -19,11 +19,12 @@ from numba import njit
 from monodyn.mechanism.branches import solve_all
 from monodyn.mechanism.drive import NONE, torque
 from monodyn.mechanism.planar import WORK, forward
-from monodyn.mechanism.reversals import part_of_step, turns
+from monodyn.mechanism.reversals import is_held, part_of_step, turns
 from monodyn.mechanism.slopes import SLOPE, by_gravity, by_links, by_state, outward, touched
+from monodyn.uncounted import UNCOUNTED
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def _add_torque(
     tau, slope, time, value, span, slot, load, clock, lagging, lag, da, live
 ):  # pragma: no cover - compiled
@@ -42,7 +43,7 @@ def _add_torque(
             da[i, k] += load[k] * tau[i] + clock[k] * time * slope[i] + lag[k] * later
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def _carry(by_q, by_v, dx, du, da, live):  # pragma: no cover - compiled
     """Write minus what the change of the state adds to the forces, all (dof, direction), into ``da``."""
     for i in range(by_q.shape[0]):
@@ -53,7 +54,7 @@ def _carry(by_q, by_v, dx, du, da, live):  # pragma: no cover - compiled
                 da[i, k] -= by_q[i, j] * dx[j, k] + by_v[i, j] * du[j, k]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def _to_stage(part, x0, u0, dx0, du0, x, u, a, dx, du, da, live):  # pragma: no cover - compiled
     """Put state and tangents of the next stage where those of this one lead from the start in the time
     ``part``."""
@@ -65,7 +66,7 @@ def _to_stage(part, x0, u0, dx0, du0, x, u, a, dx, du, da, live):  # pragma: no 
             du[i, k] = du0[i, k] + part * da[i, k]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def _put(u, a, du, da, u0, a0, du0, da0, live):  # pragma: no cover - compiled
     """Copy rates and accelerations (or a state) with their derivatives into others."""
     for i in range(u.shape[0]):
@@ -74,7 +75,7 @@ def _put(u, a, du, da, u0, a0, du0, da0, live):  # pragma: no cover - compiled
             du0[i, k], da0[i, k] = du[i, k], da[i, k]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def _add(part, u, a, du, da, x0, u0, dx0, du0, live):  # pragma: no cover - compiled
     """Add what rates and accelerations, and their derivatives, change in the time ``part`` to a state."""
     for i in range(u.shape[0]):
@@ -163,7 +164,8 @@ def _run(
             left, length, ended = step, step, False
             while not ended:
                 _put(x0, u0, dx0, du0, x, u, dx, du, many)
-                hold[:] = 0.0
+                for i in range(n):
+                    hold[i] = 0.0
                 r = 0
                 while r < 4:
                     part = 0.0 if r == 0 else length if r == 3 else 0.5 * length
@@ -177,7 +179,7 @@ def _run(
                     # as in ``planar.rollouts``, so that these are the derivatives of that very rollout
                     if r == 0:
                         length = part_of_step(parent, kind, links, u, a, h, left, step, substeps, hold)
-                        if hold.any():
+                        if is_held(hold):
                             forward(parent, kind, links, gravity, x, u, tau, hold, w, h, a)
                     outward(parent, kind, links, gravity, u, a, w, d)
                     by_state(parent, kind, links, u, a, w, d, by_q, by_v)
@@ -207,7 +209,7 @@ def _run(
                 ended = not abs(length) < abs(left)
                 left -= length
                 begin += length
-        q[f], v[f] = x0, u0
         for i in range(n):
+            q[f, i], v[f, i] = x0[i], u0[i]
             for k in range(many):
                 dq[f, i, order[k]], dv[f, i, order[k]] = dx0[i, k], du0[i, k]

@@ -29,6 +29,7 @@ from monodyn.mechanism.planar import WORK, forward
 from monodyn.mechanism.slopes import SLOPE, linearize, touched
 from monodyn.mechanism.tree import FRICTION, Directions, Tree
 from monodyn.solving import eliminate
+from monodyn.uncounted import UNCOUNTED
 
 REST = 1e-6
 """Share of the squared rates of a joint's fastest run below which a run of it counts as one at rest."""
@@ -75,13 +76,13 @@ def derivatives(
     return q, v, dq, dv
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def _carry(length, by, dx, du, middle, da, matrix, right):  # pragma: no cover - compiled
     """Carry tangents ``dx`` and ``du`` (dof, direction) over two steps, of ``length`` together.
 
-    ``by`` is (3, dof, param + 2 dof); ``middle`` (2 dof, direction), ``da`` (dof, direction), ``matrix``
-    (2 dof, 2 dof) and ``right`` (2 dof, direction) are scratch. With x and u at the start 0, in the middle 1
-    and at the end 2, and a = A_q x + A_v u + b:
+    ``by`` is (3, dof, param + 2 dof), its end becomes the start; ``middle`` (2 dof, direction), ``da`` (dof,
+    direction), ``matrix`` (2 dof, 2 dof) and ``right`` (2 dof, direction) are scratch. With x and u at the
+    start 0, in the middle 1 and at the end 2, and a = A_q x + A_v u + b:
 
         x2 = x0 + h/2 (u0 + u2) + h^2/12 (a0 - a2)        x1 = (x0 + x2)/2 + h/8 (u0 - u2)
         u2 = u0 + h/6 (a0 + 4 a1 + a2)                    u1 = (u0 + u2)/2 + h/8 (a0 - a2)
@@ -118,12 +119,32 @@ def _carry(length, by, dx, du, middle, da, matrix, right):  # pragma: no cover -
     for i in range(n):
         for k in range(live):
             right[n + i, k] += 2.0 * h / 3.0 * da[i, k]
-    if not eliminate(matrix, right):
-        right[:] = np.nan
-    dx[:], du[:] = right[:n], right[n:]
+    solved = eliminate(matrix, right)
+    for i in range(n):
+        for k in range(live):
+            dx[i, k] = right[i, k] if solved else np.nan
+            du[i, k] = right[n + i, k] if solved else np.nan
+            by0[i, k] = by2[i, k]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+def _linearize(
+    parent, kind, links, gravity, dgravity, at, what, q, v, a, w, h, d, by_q, by_v, by, k
+):  # pragma: no cover - compiled
+    """Fill ``by[k]`` as ``slopes.linearize`` does."""
+    linearize(parent, kind, links, gravity, dgravity, at, what, q, v, a, w, h, d, by_q, by_v, by[k])
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+def _note(x0, u0, dx, du, q, v, dq, dv, f):  # pragma: no cover - compiled
+    """Put state and tangents into the rows of frame ``f``."""
+    for i in range(x0.size):
+        q[f, i], v[f, i] = x0[i], u0[i]
+        for k in range(dx.shape[1]):
+            dq[f, i, k], dv[f, i, k] = dx[i, k], du[i, k]
+
+
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def _accelerate(by, dx, du, da):  # pragma: no cover - compiled
     """Write the changes of the accelerations, A_q dx + A_v du + b, into ``da`` (dof, direction)."""
     n, live = dx.shape
@@ -137,13 +158,14 @@ def _accelerate(by, dx, du, da):  # pragma: no cover - compiled
                 da[i, k] += to_q * dx[j, k] + to_v * du[j, k]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def _advance(
     parent, kind, links, gravity, step, x0, u0, a, x, u, rates, changes, tau, w, h
 ):  # pragma: no cover - compiled
     """Take a step of the motion from positions ``x0`` and rates ``u0`` with accelerations ``a``; leave those
     at its end there, ``w`` and ``h`` as ``forward`` does. ``tau`` is zero, the rest is scratch."""
-    x[:], u[:], rates[:], changes[:] = x0, u0, u0, a
+    for i in range(x.size):
+        u[i], rates[i], changes[i] = u0[i], u0[i], a[i]
     for r in range(1, 4):
         part = step if r == 3 else 0.5 * step
         weight = 1.0 if r == 3 else 2.0
@@ -195,24 +217,23 @@ def variations(
         dx[:], du[:] = 0.0, 0.0
         for i in range(n):
             dx[i, params + i], du[i, params + n + i] = 1.0, 1.0
-        q[begin], v[begin], dq[begin], dv[begin] = x0, u0, dx, du
+        _note(x0, u0, dx, du, q, v, dq, dv, begin)
         if begin + 1 == end:
             continue
         forward(parent, kind, links, gravity, x0, u0, tau, tau, w, h, a)
-        linearize(parent, kind, links, gravity, dgravity, at, what, x0, u0, a, w, h, d, by_q, by_v, by[0])
+        _linearize(parent, kind, links, gravity, dgravity, at, what, x0, u0, a, w, h, d, by_q, by_v, by, 0)
         pull[:] = a
         for f in range(begin + 1, end):
             step = (times[f] - times[f - 1]) / substeps
             for s in range(substeps):
                 _advance(parent, kind, links, gravity, step, x0, u0, a, x, u, rates, changes, tau, w, h)
-                to = by[1 + s % 2]
-                linearize(
-                    parent, kind, links, gravity, dgravity, at, what, x0, u0, a, w, h, d, by_q, by_v, to
-                )
+                _linearize(
+                    parent, kind, links, gravity, dgravity, at, what, x0, u0, a, w, h, d, by_q, by_v, by,
+                    1 + s % 2,
+                )  # fmt: skip
                 if s % 2:
                     _carry(2.0 * step, by, dx, du, middle, da, matrix, right)
-                    by[0] = by[2]
-            q[f], v[f], dq[f], dv[f] = x0, u0, dx, du
+            _note(x0, u0, dx, du, q, v, dq, dv, f)
             for i in range(n):
                 carried = 0.0
                 for j in range(n):
@@ -222,7 +243,7 @@ def variations(
     return q, v, dq, dv, _off(gaps, speeds)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
 def _off(gaps, speeds):  # pragma: no cover - compiled
     """Return the largest share of what rates are off by, from sums of squares of both, (run, dof)."""
     off = 0.0

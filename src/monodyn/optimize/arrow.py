@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.solving import eliminate, shortest
+from monodyn.uncounted import UNCOUNTED
 
 TINY = 1e-300
 """Least of what roots are taken of and what is divided by."""
@@ -143,7 +144,7 @@ def _bounded_solve(hessian, gradient, below, above, step):  # pragma: no cover -
         held[which] = False
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED)
 def _slopes(hessian, gradient, step, slope):  # pragma: no cover - compiled
     for i in range(gradient.size):
         slope[i] = gradient[i]

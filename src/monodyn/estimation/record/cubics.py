@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.uncounted import UNCOUNTED
+
 MOST_ROUNDS = 8
 """Times that weights are taken from residuals and the curve is fitted again, at most."""
 RIDGE = 1e-12
@@ -158,7 +160,7 @@ def local_cubics(times, values, weight, at, first, count):  # pragma: no cover -
     return rows, share
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", **UNCOUNTED)
 def _eliminate(system, terms):  # pragma: no cover - compiled
     """Solve in place the square left part of ``system`` for its further columns, by Gauss and Jordan."""
     for i in range(terms):

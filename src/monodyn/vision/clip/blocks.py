@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.uncounted import UNCOUNTED
+
 
 @njit(cache=True, nogil=True)
 def block_means(plane: np.ndarray, out: np.ndarray) -> None:
@@ -41,7 +43,7 @@ def block_means(plane: np.ndarray, out: np.ndarray) -> None:
                 out[i, j] = _rounded(block, (bottom - top) * (right - left))
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, forceinline=True, **UNCOUNTED)
 def _rounded(total: np.uint32, count: int) -> np.uint8:
     """Return a mean, rounded; signed numbers are what registers convert."""
     return np.uint8(np.int32(np.float32(np.int32(total)) / np.float32(count) + np.float32(0.5)))

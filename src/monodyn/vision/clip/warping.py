@@ -12,6 +12,8 @@ import math
 import numpy as np
 from numba import njit
 
+from monodyn.uncounted import UNCOUNTED
+
 SPAN = 32
 """Pixels of a row over which perspective is met by a straight line: before a camera with a focal length of
 1000 px that turned by 5 deg to the side this is right within 0.02 px."""
@@ -72,7 +74,7 @@ def put_in_place(
                 at = end
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@njit(cache=True, fastmath=True, error_model="numpy", **UNCOUNTED)
 def _place(matrix: np.ndarray, x: float, y: float) -> tuple[float, float]:
     """Return where a pixel of the scene lies in the plane [px]."""
     m = matrix
@@ -80,7 +82,7 @@ def _place(matrix: np.ndarray, x: float, y: float) -> tuple[float, float]:
     return (m[0, 0] * x + m[0, 1] * y + m[0, 2]) / z, (m[1, 0] * x + m[1, 1] * y + m[1, 2]) / z
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@njit(cache=True, fastmath=True, error_model="numpy", **UNCOUNTED)
 def _blend(
     source: np.ndarray,
     begin: int,

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
+from monodyn.uncounted import UNCOUNTED
 from monodyn.vision.drawing.probe import (
     AT_X,
     AT_Y,
@@ -58,7 +59,7 @@ DEEP = 0.6
 """Share of the search inwards beyond which a geom shows its own level."""
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def find_blurred_edge(
     coverage: np.ndarray,
     known: np.ndarray,
@@ -151,14 +152,14 @@ def find_blurred_edge(
     return USED
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, forceinline=True, **UNCOUNTED)
 def times_of(path: tuple[float, float, float, float]) -> int:
     """Return at how many times of an exposure an outline is placed that moves along a path [px]."""
     way = math.sqrt((path[2] - path[0]) ** 2 + (path[3] - path[1]) ** 2)
     return min(max(4, math.ceil(way)), MOST_TIMES)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, forceinline=True, **UNCOUNTED)
 def covered_part(
     px: np.ndarray,
     hull: np.ndarray,
@@ -190,7 +191,7 @@ def covered_part(
     return low, high
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _other_side(
     px: np.ndarray,
     hull: np.ndarray,

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
+from monodyn.uncounted import UNCOUNTED
 from monodyn.vision.drawing.camera import displaced_camera
 from monodyn.vision.drawing.normals import edge_samples
 from monodyn.vision.drawing.probe import (
@@ -46,7 +47,7 @@ from monodyn.vision.drawing.probe import (
 )
 from monodyn.vision.drawing.rig import Rig, altered
 from monodyn.vision.drawing.shutter import swept_points
-from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw, project
+from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw, projected
 from monodyn.vision.foreground.masks import View
 
 MATCHED_PX = 1.5
@@ -283,15 +284,41 @@ def drawn_edge_terms(
     """
     dofs, shared = position.shape[0], shifts.steps.shape[0]
     size = dofs + shared
-    normal, right, row = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+    normal, right = np.zeros((size, size)), np.zeros(size)
     found = np.zeros((dofs, LINK_COLUMNS))
     outlines, ends, samples = room.outlines, room.ends, room.samples
     swept = swept_points(rig, position, outlines)
     count = edge_samples(planes, view, outlines, swept, (reach, spacing), ends, samples, True)
-    px, moved = outlines.px, moved_points(rig, shifts, position, outlines)
+    moved, rows = moved_points(rig, shifts, position, outlines), np.zeros((2, size))
+    _add_samples(planes, view, rig, shifts, room, moved, (count, reach), rows, normal, right, found)
+    return normal, right, found
+
+
+@njit(cache=True, **UNCOUNTED)
+def _add_samples(
+    planes: np.ndarray,
+    view: View,
+    rig: Rig,
+    shifts: Shifts,
+    room: EdgeRoom,
+    moved: np.ndarray,
+    search: tuple[int, float],
+    rows: np.ndarray,
+    normal: np.ndarray,
+    right: np.ndarray,
+    found: np.ndarray,
+) -> None:
+    """Add the samples in ``room`` to ``normal``, ``right`` and ``found``, which ``edge_kernel`` returns.
+
+    ``moved`` is from ``moved_points``, ``search`` has the number of samples and the length of the search
+    [px]; ``rows`` (2, dof + param) is room: for the derivatives of a sample, and for the weighted sum of
+    these over the samples of an edge.
+    """
+    (count, reach), px, ends, samples = search, room.outlines.px, room.ends, room.samples
+    size, dofs, row, edge_row = right.shape[0], right.shape[0] - shifts.steps.shape[0], rows[0], rows[1]
     scale = max(0.35 * reach, 1.0)
     # the edge that the samples before lie on, and the weighted sums over these
-    edge, edge_weight, edge_away, edge_row = (0, 0), 0.0, 0.0, np.zeros(size)
+    edge, edge_weight, edge_away = (0, 0), 0.0, 0.0
     for s in range(count):
         link = found[rig.link[int(samples[s, GEOM])]]
         if samples[s, REASON] != USED:
@@ -333,10 +360,9 @@ def drawn_edge_terms(
             for k in range(size):
                 normal[j, k] += w * row[j] * row[k]
     _take_out(normal, right, px[edge[0]], px[edge[1]], edge_weight, edge_row, edge_away)
-    return normal, right, found
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, forceinline=True, **UNCOUNTED)
 def _take_out(
     normal: np.ndarray,
     right: np.ndarray,
@@ -363,7 +389,7 @@ def _take_out(
             normal[j, k] -= share * row[j] * row[k]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, forceinline=True, **UNCOUNTED)
 def _level_inside(planes: np.ndarray, view: View, sample: np.ndarray) -> float:
     """Return the coverage just inside of a sample (column,), as a share of what counts as whole there."""
     if sample[BORDER] > 0.0:  # that the rest of the geom does not show is why it was looked for
@@ -398,14 +424,14 @@ def moved_points(rig: Rig, shifts: Shifts, position: np.ndarray, outlines: Outli
     for j in range(dofs):
         shifted = position.copy()
         shifted[j] += POSE_STEP
-        project(rig, shifted, moved[j])
+        projected(rig, shifted, moved[j], outlines.frames, 0)
     for k in range(shifts.steps.shape[0]):
         other = altered(rig, shifts.links[k], shifts.points[k], shifts.radius[k], shifts.cameras[k])
-        project(other, position, moved[dofs + k])
+        projected(other, position, moved[dofs + k], outlines.frames, 0)
     return moved
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def robust_weight(residual: float, scale: float) -> float:
     """Return the Geman-McClure weight of a residual.
 

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.solving import product, solved
+from monodyn.uncounted import UNCOUNTED
 from monodyn.vision.drawing.edges import (
     LINK_COLUMNS,
     ROBUST,
@@ -160,7 +161,7 @@ def follow_kernel(
     return position, normal, found, kept
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _box(outlines: Outlines) -> tuple[float, float, float, float]:
     """Return the least row of some outlines, the largest, the least column and the largest [px]."""
     top, bottom, left, right = 1e18, -1e18, 1e18, -1e18
@@ -170,7 +171,7 @@ def _box(outlines: Outlines) -> tuple[float, float, float, float]:
     return top, bottom, left, right
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _within(outlines: Outlines, reach: float, window: Window) -> bool:
     """Return whether the normals of some outlines lie in a window, with the pixels next to them."""
     top, bottom, left, right = _box(outlines)

@@ -15,8 +15,9 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
+from monodyn.uncounted import UNCOUNTED
 from monodyn.vision.drawing.rig import Rig
-from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw, fill_hulls, project
+from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw, fill_hulls, projected
 
 UNDRAWABLE = 1e18
 """Mismatch of a pose that cannot be drawn [px^2]."""
@@ -98,7 +99,7 @@ def silhouette_sums(sums: np.ndarray, outlines: Outlines, cuts: np.ndarray, insi
     return _add_sums(sums, outlines, cuts, (geoms, 0), inside, np.empty(0))
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _add_sums(
     sums: np.ndarray,
     outlines: Outlines,
@@ -163,7 +164,7 @@ def _add_sums(
     return area
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, forceinline=True, **UNCOUNTED)
 def _is_beside(cuts: np.ndarray, h: int, xp: float, yp: float, xq: float, yq: float) -> bool:
     """Return whether an edge lies beside the box of a geom, ``cuts`` (geom, 10): most are far from most."""
     if cuts[h, LEFT] > max(xp, xq) or cuts[h, RIGHT] < min(xp, xq):
@@ -171,7 +172,7 @@ def _is_beside(cuts: np.ndarray, h: int, xp: float, yp: float, xq: float, yq: fl
     return cuts[h, TOP] > max(yp, yq) or cuts[h, BOTTOM] < min(yp, yq)
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _fill_places(outlines: Outlines, cuts: np.ndarray, begin: int) -> None:
     """Fill the box around each geom from ``begin`` on and a circle inside of it into ``cuts`` (geom, 10)."""
     px, hull, first = outlines.px, outlines.hull, outlines.first
@@ -196,7 +197,7 @@ def _fill_places(outlines: Outlines, cuts: np.ndarray, begin: int) -> None:
         cuts[g, CENTRE_X], cuts[g, CENTRE_Y], cuts[g, INNER], cuts[g, SIDE] = x, y, (1.0 - 1e-9) * inner, 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _part_inside(
     px: np.ndarray,
     corners: np.ndarray,
@@ -245,7 +246,7 @@ def _part_inside(
     return begin, end
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _along_edge(sums: np.ndarray, x0: float, y0: float, x1: float, y1: float) -> float:
     """Integrate F dy along an edge of a silhouette, pixel by pixel; ``sums`` (height, width + 1)."""
     if y0 == y1:
@@ -361,18 +362,36 @@ def pose_balance(balance: np.ndarray, rig: Rig, positions: np.ndarray, geoms: in
     """
     outlines, cuts, inside = blank_outlines(rig, geoms), blank_cuts(geoms), np.empty(1)
     pictures = balance.reshape((1, balance.shape[0], balance.shape[1]))
-    costs = np.empty(positions.shape[0])
-    last = rig.link[geoms - 1] if geoms > 0 else 0
-    same = int(np.sum(rig.link[:geoms] < last))
-    # what each edge of these geoms costs as long as no other geom touches it, and all of them
-    alone, together = np.empty(outlines.hull.shape[0]), 0.0
-    is_known = False
+    costs, alone = np.empty(positions.shape[0]), np.empty(outlines.hull.shape[0])
+    _fill_balance(pictures, rig, positions, geoms, outlines, cuts, inside, alone, costs)
+    return costs
+
+
+@njit(cache=True, **UNCOUNTED)
+def _fill_balance(
+    pictures: np.ndarray,
+    rig: Rig,
+    positions: np.ndarray,
+    geoms: int,
+    outlines: Outlines,
+    cuts: np.ndarray,
+    inside: np.ndarray,
+    alone: np.ndarray,
+    costs: np.ndarray,
+) -> None:
+    """Do the work of ``pose_balance``: fill ``costs`` (pose,); ``pictures`` (1, height, width + 1) has the
+    balance, the rest is room."""
+    last, same = rig.link[geoms - 1] if geoms > 0 else 0, 0
+    for g in range(geoms):
+        same += rig.link[g] < last
+    # what each edge of these geoms costs as long as no other geom touches it is in ``alone``, and all of them
+    together, is_known = 0.0, False
     for i in range(positions.shape[0]):
         costs[i] = UNDRAWABLE
         for joint in range(last):
             is_known = is_known and positions[i, joint] == positions[i - 1, joint]
         begin = same if is_known else 0
-        if not project(rig, positions[i], outlines.px, begin):
+        if not projected(rig, positions[i], outlines.px, outlines.frames, begin):
             continue
         fill_hulls(outlines, begin)
         _fill_places(outlines, cuts, begin)
@@ -383,4 +402,3 @@ def pose_balance(balance: np.ndarray, rig: Rig, positions: np.ndarray, geoms: in
         inside[0] = together
         _add_sums(pictures, outlines, cuts, (geoms, same), inside, alone)
         costs[i] = inside[0]
-    return costs

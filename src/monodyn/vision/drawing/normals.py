@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
+from monodyn.uncounted import UNCOUNTED
 from monodyn.vision.drawing.blurred import LEAST_SWEEP_PX, find_blurred_edge
 from monodyn.vision.drawing.probe import (
     AT_X,
@@ -115,7 +116,7 @@ def edge_samples(
     return count
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _geom_samples(
     planes: np.ndarray,
     view: View,
@@ -201,7 +202,7 @@ def _geom_samples(
     return count
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _most_that_counts(swept: np.ndarray) -> float:
     """Return the most coverage that counts, from how the outline moves, (outline point, column).
 
@@ -214,14 +215,14 @@ def _most_that_counts(swept: np.ndarray) -> float:
     return float(FULL)
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _turn(px: np.ndarray, p: int, q: int, ex: float, ey: float) -> float:
     """Return the cosine of the turn between edge p-q and the direction (ex, ey)."""
     dx, dy = px[q, 0] - px[p, 0], px[q, 1] - px[p, 1]
     return (dx * ex + dy * ey) / max(math.sqrt(dx * dx + dy * dy), 1e-12)
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _find_edge(
     coverage: np.ndarray,
     known: np.ndarray,
@@ -308,13 +309,13 @@ def _find_edge(
     return USED
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, forceinline=True, **UNCOUNTED)
 def _units(place: float) -> int:
     """Return a place [px] in whole units, half of a weight's step ahead so that weights are rounded."""
     return round(place * ONE) + ONE // (2 * WEIGHTS)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, forceinline=True, **UNCOUNTED)
 def _value(picture: np.ndarray, x: int, y: int) -> np.int64:
     """Return a picture's value between pixels in units of a ``VALUE``th, at a place in units of a ``ONE``th;
     the caller keeps it inside. This is ``bilinear`` in whole numbers, which takes half of the time."""

@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from monodyn.uncounted import COUNTED, UNCOUNTED
+
 STEP_PX = 0.5
 """Distance of the picture samples along a normal [px]."""
 FLAT_PX = 3.0
@@ -67,7 +69,7 @@ class Normal(NamedTuple):
     ny: float
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, forceinline=True, **UNCOUNTED)
 def least_trust(known: np.ndarray, at: Normal, inner: float, reach: float) -> float:
     """Return the least trust of a plane (height, width) at five places along the searched normal."""
     weight = 1.0
@@ -76,7 +78,7 @@ def least_trust(known: np.ndarray, at: Normal, inner: float, reach: float) -> fl
     return weight
 
 
-@njit(cache=True)
+@njit(cache=True, **COUNTED)
 def outline_lines(px: np.ndarray, hull: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Return the lines along the edges of outlines, which every sample is compared with.
 
@@ -106,7 +108,7 @@ def outline_lines(px: np.ndarray, hull: np.ndarray, first: np.ndarray) -> np.nda
     return lines
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, forceinline=True, **UNCOUNTED)
 def is_covered(lines: np.ndarray, first: np.ndarray, own: int, at: Normal, reach: float) -> bool:
     """Return whether another geom than ``own`` covers a place or what lies outwards of it.
 
@@ -126,7 +128,7 @@ def is_covered(lines: np.ndarray, first: np.ndarray, own: int, at: Normal, reach
     return covered
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _is_apart(lines: np.ndarray, a: int, b: int, at: Normal, reach: float) -> bool:
     """Return whether one of the edges ``lines[a:b]`` has both ends of a normal, and so all of it, outside."""
     for i in range(a, b):
@@ -137,7 +139,7 @@ def _is_apart(lines: np.ndarray, a: int, b: int, at: Normal, reach: float) -> bo
     return False
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def outside(lines: np.ndarray, a: int, b: int, x: float, y: float) -> float:
     """Return how far a point lies outside of the outline ``lines[a:b]``, negative inside [px]."""
     # of a convex outline: the largest of the distances from the lines through its edges
@@ -147,7 +149,7 @@ def outside(lines: np.ndarray, a: int, b: int, x: float, y: float) -> float:
     return most
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def depth_inside(lines: np.ndarray, a: int, b: int, at: Normal) -> float:
     """Return the width of the outline ``lines[a:b]`` from a place on it against the normal [px]."""
     far = 1e18
@@ -161,7 +163,7 @@ def depth_inside(lines: np.ndarray, a: int, b: int, at: Normal) -> float:
     return far
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, forceinline=True, **UNCOUNTED)
 def bilinear(picture: np.ndarray, x: float, y: float) -> float:
     """Return the picture's value between pixels; the caller keeps (x, y) inside."""
     column, row = int(x), int(y)

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, HINGE
+from monodyn.uncounted import COUNTED, UNCOUNTED
 from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, ROTATION, X, Y
 from monodyn.vision.drawing.rig import RING, Rig
 
@@ -38,12 +39,16 @@ class Outlines(NamedTuple):
         hull: Indices into ``px`` of the corners of each geom's convex outline, geom after geom, int64
             (entry,).
         first: Where each geom's corners start in ``hull``, int64 (geom + 1,).
+        frames: Room for the frames of the links, see ``link_frames``, (dof, 3).
+        order: Room for the order of a geom's points, int64 (outline point,).
     """
 
     starts: np.ndarray
     px: np.ndarray
     hull: np.ndarray
     first: np.ndarray
+    frames: np.ndarray
+    order: np.ndarray
 
 
 @njit(cache=True)
@@ -61,10 +66,11 @@ def blank_outlines(rig: Rig, geoms: int) -> Outlines:
     px = np.empty((starts[geoms], 2))
     # each hull needs one place more than it has points, see ``convex_hull``
     hull = np.empty(starts[geoms] + 2 * geoms + 2, dtype=np.int64)
-    return Outlines(starts, px, hull, np.zeros(geoms + 1, dtype=np.int64))
+    first, order = np.zeros(geoms + 1, dtype=np.int64), np.empty(starts[geoms], dtype=np.int64)
+    return Outlines(starts, px, hull, first, frames_room(rig), order)
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def draw(rig: Rig, position: np.ndarray, outlines: Outlines) -> bool:
     """Fill the outlines of a pose.
 
@@ -76,13 +82,13 @@ def draw(rig: Rig, position: np.ndarray, outlines: Outlines) -> bool:
     Returns:
         False when the pose cannot be drawn, see ``project``; the outlines are then undefined.
     """
-    if not project(rig, position, outlines.px):
+    if not projected(rig, position, outlines.px, outlines.frames, 0):
         return False
     fill_hulls(outlines, 0)
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def fill_hulls(outlines: Outlines, begin: int) -> None:
     """Find the corners of the geoms' outlines among their points.
 
@@ -90,10 +96,23 @@ def fill_hulls(outlines: Outlines, begin: int) -> None:
         outlines: With the points from ``project``; their corners are filled.
         begin: The first geom; the corners of those before it are there.
     """
-    px, hull, first = outlines.px, outlines.hull, outlines.first
-    for g in range(begin, outlines.starts.shape[0] - 1):
+    px, starts, hull, first = outlines.px, outlines.starts, outlines.hull, outlines.first
+    for g in range(begin, starts.shape[0] - 1):
         at = first[g]
-        first[g + 1] = at + convex_hull(px, outlines.starts[g], outlines.starts[g + 1], hull[at:])
+        first[g + 1] = at + convex_hull(px, starts[g], starts[g + 1], hull[at:], outlines.order)
+
+
+@njit(cache=True)
+def frames_room(rig: Rig) -> np.ndarray:
+    """Make room for the frames of a mechanism's links.
+
+    Args:
+        rig: The mechanism.
+
+    Returns:
+        Room to be filled, (dof, 3).
+    """
+    return np.empty((rig.links.shape[0], 3))
 
 
 @njit(cache=True)
@@ -107,8 +126,15 @@ def link_frames(rig: Rig, position: np.ndarray) -> np.ndarray:
     Returns:
         Position [m] and angle [rad] of each link, (dof, 3).
     """
+    frames = frames_room(rig)
+    _fill_frames(rig, position, frames)
+    return frames
+
+
+@njit(cache=True, **UNCOUNTED)
+def _fill_frames(rig: Rig, position: np.ndarray, frames: np.ndarray) -> None:
+    """Do the work of ``link_frames``."""
     links = rig.links
-    frames = np.empty((position.shape[0], 3))
     for i in range(position.shape[0]):
         x, y, angle = 0.0, 0.0, 0.0
         parent = rig.parent[i]
@@ -128,7 +154,6 @@ def link_frames(rig: Rig, position: np.ndarray) -> np.ndarray:
             x += (c * links[i, AXIS_X] - s * links[i, AXIS_Y]) * position[i]
             y += (s * links[i, AXIS_X] + c * links[i, AXIS_Y]) * position[i]
         frames[i, LINK_X], frames[i, LINK_Y], frames[i, LINK_ANGLE] = x, y, angle
-    return frames
 
 
 @njit(cache=True)
@@ -148,7 +173,7 @@ def outline_starts(rig: Rig, geoms: int) -> np.ndarray:
     return starts
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _outline_points(rig: Rig, geom: int) -> int:
     """Return how many outline points a geom has."""
     return (rig.first[geom + 1] - rig.first[geom]) * (rig.ring if rig.radius[geom] > 0.0 else 1)
@@ -167,17 +192,39 @@ def project(rig: Rig, position: np.ndarray, px: np.ndarray, begin: int = 0) -> b
     Returns:
         False when a point lies behind the camera, absurdly far out of the picture, or nowhere (NaN).
     """
+    return projected(rig, position, px, frames_room(rig), begin)
+
+
+@njit(cache=True, **UNCOUNTED)
+def projected(rig: Rig, position: np.ndarray, px: np.ndarray, frames: np.ndarray, begin: int) -> bool:
+    """Do the work of ``project`` for it and for other kernels.
+
+    Args:
+        rig: The mechanism and its camera.
+        position: Joint positions in the middle of the picture's exposure [rad or m], (dof,).
+        px: Filled with pixel coordinates, (outline point, 2).
+        frames: Room for the frames of the links, (dof, 3).
+        begin: The first geom, as in ``project``.
+
+    Returns:
+        What ``project`` returns.
+    """
     still = True
     for j in range(rig.skew.shape[0]):
         still = still and rig.skew[j] == 0.0
-    if not _project_at_once(rig, position, px, begin if still else 0):
+    if not _project_at_once(rig, position, px, frames, begin if still else 0):
         return False
-    if still:
-        return True
+    return still or _catch(rig, position, px, frames)
+
+
+@njit(cache=True, **COUNTED)
+def _catch(rig: Rig, position: np.ndarray, px: np.ndarray, frames: np.ndarray) -> bool:
+    """Move the points, (outline point, 2), from where they are in the middle of the exposure to where the row
+    that is exposed just then catches them; return False as ``project`` does."""
     before, after = np.empty_like(px), np.empty_like(px)
     if not (
-        _project_at_once(rig, position - 0.5 * rig.skew + rig.lean, before, 0)
-        and _project_at_once(rig, position + 0.5 * rig.skew + rig.lean, after, 0)
+        _project_at_once(rig, position - 0.5 * rig.skew + rig.lean, before, frames, 0)
+        and _project_at_once(rig, position + 0.5 * rig.skew + rig.lean, after, frames, 0)
     ):
         return False
     middle = rig.camera[CENTRE_Y]
@@ -194,10 +241,10 @@ def project(rig: Rig, position: np.ndarray, px: np.ndarray, begin: int = 0) -> b
     return True
 
 
-@njit(cache=True)
-def _project_at_once(rig: Rig, position: np.ndarray, px: np.ndarray, begin: int) -> bool:
-    """Do the work of ``project`` for a picture whose rows are exposed together."""
-    frames = link_frames(rig, position)
+@njit(cache=True, **UNCOUNTED)
+def _project_at_once(rig: Rig, position: np.ndarray, px: np.ndarray, frames: np.ndarray, begin: int) -> bool:
+    """Do the work of ``projected`` for a picture whose rows are exposed together."""
+    _fill_frames(rig, position, frames)
     camera = rig.camera
     focal, cx, cy = camera[FOCAL], camera[CENTRE_X], camera[CENTRE_Y]
     turn = camera[:ROTATION].reshape(3, 3)
@@ -230,7 +277,7 @@ def _project_at_once(rig: Rig, position: np.ndarray, px: np.ndarray, begin: int)
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _project_ball(
     centre: tuple[float, float, float], r: float, lens: tuple[float, float, float], px: np.ndarray
 ) -> None:
@@ -261,8 +308,8 @@ def _project_ball(
         px[j, 1] = cy + focal * qy / qz
 
 
-@njit(cache=True)
-def convex_hull(px: np.ndarray, start: int, stop: int, hull: np.ndarray) -> int:
+@njit(cache=True, **UNCOUNTED)
+def convex_hull(px: np.ndarray, start: int, stop: int, hull: np.ndarray, order: np.ndarray) -> int:
     """Write the indices of the convex hull of ``px[start:stop]`` to ``hull``; return their number.
 
     Monotone chain; the outline turns so that (dy, -dx) of an edge points outwards.
@@ -272,12 +319,12 @@ def convex_hull(px: np.ndarray, start: int, stop: int, hull: np.ndarray) -> int:
         start: First point.
         stop: One past the last point.
         hull: Filled with indices into ``px``, (at least ``stop - start + 1``,).
+        order: Room for those in order, int64 (at least ``stop - start``,).
 
     Returns:
         Number of corners of the hull.
     """
     n = stop - start
-    order = np.empty(n, dtype=np.int64)
     for i in range(n):
         order[i] = start + i
     # insertion sort by x, then y: most geoms have a few dozen points at most

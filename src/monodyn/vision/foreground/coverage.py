@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL, Frame
+from monodyn.uncounted import UNCOUNTED
 from monodyn.vision.foreground.background import Background, Window
 from monodyn.vision.foreground.palette import BLACK, CHROMA_WEIGHT, Palette
 from monodyn.vision.foreground.shadow import unshadowed
@@ -214,7 +215,7 @@ def _chroma_part(
     return np.stack([way.cut(plane) for plane in small])
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@njit(cache=True, fastmath=True, error_model="numpy", nogil=True, **UNCOUNTED)
 def _project_chroma(
     blue: np.ndarray,
     red: np.ndarray,
@@ -241,7 +242,7 @@ def _project_chroma(
                 out[k, y, x] = weight * (b + r)
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@njit(cache=True, fastmath=True, error_model="numpy", nogil=True, **UNCOUNTED)
 def _project(
     luma: np.ndarray,
     chroma: np.ndarray,
@@ -283,7 +284,7 @@ def _project(
                 covered[x] = _level(((np.float32(shown[x]) - b) * step + tint[x]) * gain[x])
 
 
-@njit(cache=True, fastmath=True, inline="always")
+@njit(cache=True, fastmath=True, forceinline=True, **UNCOUNTED)
 def _level(value: np.float32) -> np.uint8:
     """Return a coverage as a level of 8 bits, rounded."""
     none, most, level = np.float32(0.0), np.float32(255.0), value + np.float32(0.5)
@@ -293,7 +294,7 @@ def _level(value: np.float32) -> np.uint8:
     return np.uint8(np.int32(level))
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
+@njit(cache=True, fastmath=True, error_model="numpy", nogil=True, **UNCOUNTED)
 def _differing(
     luma: np.ndarray,
     chroma: np.ndarray,

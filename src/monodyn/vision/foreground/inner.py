@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from monodyn.uncounted import UNCOUNTED
 from monodyn.vision.foreground.thumbnails import Window
 
 
@@ -71,7 +72,7 @@ def fill_moving(
                 marks[x] = _stands_out(luma, chroma, behind, y, x)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", **UNCOUNTED)
 def _stands_out(luma: np.ndarray, chroma: np.ndarray, behind: Scenery, y: int, x: int) -> bool:
     """Return whether a pixel is less like what is around than its background is."""
     i, j = behind.rows[y], behind.columns[x]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.uncounted import UNCOUNTED
+
 NEAR = 4.0
 """Samples within this many standard deviations of the median count as noise; others show something else."""
 QUARTILE = 0.6745
@@ -56,7 +58,7 @@ def masked_median(
     return median, noise, count
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _mark_shown(hidden: np.ndarray, shown: np.ndarray, count: np.ndarray) -> None:
     """Mark the samples of a row that count, (frame, width); where none does, all of them do."""
     frames, width = hidden.shape
@@ -102,7 +104,7 @@ def _fill_levels(
         levels[x] = found[x] - 0.5 + (share * total[x] - below[x]) / at[x]
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _count_below(
     row: np.ndarray, shown: np.ndarray, found: np.ndarray, step: np.uint8, use_hidden: bool, below: np.ndarray
 ) -> None:

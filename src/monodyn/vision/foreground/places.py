@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.uncounted import UNCOUNTED
 
-@njit(cache=True, nogil=True)
+
+@njit(cache=True, nogil=True, **UNCOUNTED)
 def is_unchanged(
     luma: np.ndarray, row: np.ndarray, column: np.ndarray, level: np.ndarray, least: float
 ) -> bool:

@@ -14,6 +14,7 @@ from numba import njit
 
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, HINGE
+from monodyn.uncounted import UNCOUNTED
 from monodyn.vision.drawing.camera import on_plane
 from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.rig import Rig, joint_limits
@@ -70,9 +71,7 @@ def _extended(
     return the ``kept`` best ones as ``extended`` does; ``lower`` and ``upper`` are (dof,)."""
     count, dofs = values.size, poses.shape[1]
     grid = np.empty((len(poses) * count, dofs))
-    for i in range(len(grid)):
-        grid[i] = poses[i // count]
-        grid[i, link] = values[i % count]
+    _fill_grid(grid, poses, link, values)
     before, geoms = int(np.sum(rig.link < link)), int(np.sum(rig.link <= link))
     costs = pose_balance(balance, rig, grid, geoms)
     if geoms == before:
@@ -92,6 +91,15 @@ def _extended(
     return found, least
 
 
+@njit(cache=True, **UNCOUNTED)
+def _fill_grid(grid: np.ndarray, poses: np.ndarray, link: int, values: np.ndarray) -> None:
+    """Fill ``grid``, (pose * candidate, dof), with poses, (pose, dof), of which one joint has each of some
+    values, (candidate,)."""
+    for i in range(len(grid)):
+        for joint in range(grid.shape[1]):
+            grid[i, joint] = values[i % len(values)] if joint == link else poses[i // len(values), joint]
+
+
 @njit(cache=True, nogil=True)
 def _moved(
     rig: Rig, link: int, poses: np.ndarray, step: float, lower: np.ndarray, upper: np.ndarray
@@ -104,19 +112,29 @@ def _moved(
     """
     parent = rig.parent[link]
     both = parent >= 0 and rig.kind[parent] == rig.kind[link]
-    shifts = np.array([0.0, -step, step])
     parts = 9 if both else 3
     tried = np.empty((len(poses), parts, poses.shape[1]))
-    for i in range(len(poses)):
-        for part in range(parts):
-            tried[i, part] = poses[i]
-            # the last joint changes from pose to pose: that costs least
-            tried[i, part, link] += shifts[part % 3]
-            if both:
-                tried[i, part, parent] += shifts[part // 3]
-            for joint in range(poses.shape[1]):
-                tried[i, part, joint] = min(max(tried[i, part, joint], lower[joint]), upper[joint])
+    _fill_moved(tried, poses, link, parent if both else -1, step, lower, upper)
     return tried
+
+
+@njit(cache=True, **UNCOUNTED)
+def _fill_moved(
+    tried: np.ndarray, poses: np.ndarray, link: int, parent: int, step: float, lower: np.ndarray,
+    upper: np.ndarray,
+) -> None:  # fmt: skip
+    """Do the work of ``_moved``; ``parent`` is below 0 where only the last joint is moved."""
+    shifts = (0.0, -step, step)
+    for i in range(len(poses)):
+        for part in range(tried.shape[1]):
+            for joint in range(poses.shape[1]):
+                value = poses[i, joint]
+                # the last joint changes from pose to pose: that costs least
+                if joint == link:
+                    value += shifts[part % 3]
+                elif joint == parent:
+                    value += shifts[part // 3]
+                tried[i, part, joint] = min(max(value, lower[joint]), upper[joint])
 
 
 def slide_places(frame: KeyFrame, rig: Rig, row: int, count: int) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
+from monodyn.uncounted import UNCOUNTED
 from monodyn.vision.locating.keyframes import KeyFrames
 
 FARTHEST_DISTANCE = 40.0
@@ -219,7 +220,7 @@ def _kept_amount(cells: _Cells, points: np.ndarray, width: float) -> np.ndarray:
     return amount * frames / max(float(cells.amount.sum()), 1e-9)
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _fill_kept(cells: _Cells, points: np.ndarray, width: float, bins: np.ndarray, amount: np.ndarray) -> None:
     """Fill ``amount`` (point, 3) by way of ``bins`` (distance, frame)."""
     x, y, weight, first = cells.x, cells.y, cells.amount, cells.first

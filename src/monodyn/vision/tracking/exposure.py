@@ -18,6 +18,7 @@ from numba import njit
 from monodyn.arrays import usual_step
 from monodyn.cores import on_all_cores
 from monodyn.types import FULL, Poses
+from monodyn.uncounted import UNCOUNTED
 from monodyn.vision.drawing.blurred import covered_part, times_of
 from monodyn.vision.drawing.edges import MOST_SAMPLES
 from monodyn.vision.drawing.normals import edge_samples
@@ -313,7 +314,7 @@ def _part_of(path: np.ndarray, share: float) -> tuple[float, float, float, float
     return begun[0], begun[1], ended[0], ended[1]
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _leaves(plane: np.ndarray, at: Normal, inner: float, outer: float) -> bool:
     """Return whether a normal leaves the picture, (height, width)."""
     height, width = plane.shape
@@ -324,7 +325,7 @@ def _leaves(plane: np.ndarray, at: Normal, inner: float, outer: float) -> bool:
     return False
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _misfit(shown: np.ndarray, share: np.ndarray) -> float:
     """Return what is left of a profile, (step,), less a multiple of another one, shifted and softened."""
     count = shown.shape[0]

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.uncounted import UNCOUNTED
+
 MOST_AMPLIFIED = 16.0
 """Sum of the weights of a parabola above which it would mostly amplify noise."""
 STRAIGHT_STEPS = 3.0
@@ -138,7 +140,7 @@ def _extrapolated(times: np.ndarray, positions: np.ndarray, farthest: np.ndarray
     return ahead
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _take(
     times: np.ndarray,
     positions: np.ndarray,

@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
+from monodyn.uncounted import UNCOUNTED
 from monodyn.vision.drawing.probe import OUT_AT, OUT_X, OUT_Y, TRUSTED, outline_lines
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw
@@ -120,7 +121,7 @@ def _note(
                     shows[row, column] += 1
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _rows(outlines: Outlines, g: int, rows: int) -> tuple[int, int]:
     """Return the first row of cells within a geom's outline and the one past the last."""
     low, high = 1e9, -1e9
@@ -130,7 +131,7 @@ def _rows(outlines: Outlines, g: int, rows: int) -> tuple[int, int]:
     return max(0, math.ceil(low / CELL_PX)), min(rows, math.floor(high / CELL_PX) + 1)
 
 
-@njit(cache=True)
+@njit(cache=True, **UNCOUNTED)
 def _columns(lines: np.ndarray, a: int, b: int, y: float, last: float) -> tuple[float, float]:
     """Return the first and the last place of a row, from 0 to ``last``, that lie well inside of the convex
     outline ``lines[a:b]``, the second less than the first where none does."""

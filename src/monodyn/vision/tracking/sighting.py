@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.solving import inverted
+from monodyn.uncounted import UNCOUNTED
 from monodyn.vision.drawing.edges import BEHIND, COVERED, NEAR, SAMPLES, SQUARES, TRUST
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow_kernel
 from monodyn.vision.drawing.rig import Rig
@@ -141,7 +142,7 @@ def sure(covariance: np.ndarray, joints: np.ndarray, usual: np.ndarray) -> np.nd
     return seen
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, **UNCOUNTED)
 def take_as_usual(covariance: np.ndarray, usual: np.ndarray) -> None:
     """Take the standard deviation of a pose into what is usual.
 
