@@ -296,18 +296,9 @@ def drawn_edge_terms(
 
 @njit(cache=True, **UNCOUNTED)
 def _add_samples(
-    planes: np.ndarray,
-    view: View,
-    rig: Rig,
-    shifts: Shifts,
-    room: EdgeRoom,
-    moved: np.ndarray,
-    search: tuple[int, float],
-    rows: np.ndarray,
-    normal: np.ndarray,
-    right: np.ndarray,
-    found: np.ndarray,
-) -> None:
+    planes: np.ndarray, view: View, rig: Rig, shifts: Shifts, room: EdgeRoom, moved: np.ndarray,
+    search: tuple[int, float], rows: np.ndarray, normal: np.ndarray, right: np.ndarray, found: np.ndarray,
+) -> None:  # fmt: skip
     """Add the samples in ``room`` to ``normal``, ``right`` and ``found``, which ``edge_kernel`` returns.
 
     ``moved`` is from ``moved_points``, ``search`` has the number of samples and the length of the search
@@ -364,14 +355,9 @@ def _add_samples(
 
 @njit(cache=True, forceinline=True, **UNCOUNTED)
 def _take_out(
-    normal: np.ndarray,
-    right: np.ndarray,
-    start: np.ndarray,
-    end: np.ndarray,
-    weight: float,
-    row: np.ndarray,
-    away: float,
-) -> None:
+    normal: np.ndarray, right: np.ndarray, start: np.ndarray, end: np.ndarray, weight: float,
+    row: np.ndarray, away: float,
+) -> None:  # fmt: skip
     """Take out of the normal equations what an error that the samples of an edge have in common adds to them.
 
     The edge lies between two points, (2,) [px]; the rest are weighted sums over its samples. With the weights
