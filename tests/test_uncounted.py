@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,8 @@ from monodyn.vision.drawing.rig import rig_of
 from pictures import CAMERA, drawn_mask, trusted
 
 SOURCE = Path(monodyn.__file__).parent
+OPTION = re.compile(r"\*\*(UNCOUNTED|INLINED|COUNTED)\b")
+"""How a kernel says whether it counts."""
 POSE = np.array([0.5, -0.8])
 
 
@@ -34,14 +37,15 @@ def uncounted() -> list[tuple[str, ast.FunctionDef]]:
     """Return all such kernels with their modules."""
     found = []
     for file in sorted(SOURCE.rglob("*.py")):
-        if "UNCOUNTED" not in (text := file.read_text(encoding="utf-8")):
+        text = file.read_text(encoding="utf-8")
+        if "monodyn.uncounted" not in text:
             continue
         module = ".".join(("monodyn", *file.relative_to(SOURCE).with_suffix("").parts))
         for node in ast.walk(ast.parse(text)):
-            if isinstance(node, ast.FunctionDef) and any(
-                "**UNCOUNTED" in ast.unparse(how) for how in node.decorator_list
-            ):
-                found.append((module, node))
+            if isinstance(node, ast.FunctionDef):
+                how = " ".join(ast.unparse(one) for one in node.decorator_list)
+                if "**UNCOUNTED" in how or "**INLINED" in how:
+                    found.append((module, node))
     return found
 
 
@@ -149,3 +153,23 @@ def test_nothing_is_kept_or_let_go_of_twice(work: Callable[[], None]) -> None:
     assert after.mi_alloc > before.mi_alloc
     assert after.mi_alloc - before.mi_alloc == after.mi_free - before.mi_free
     assert after.alloc - before.alloc == after.free - before.free
+
+
+def test_what_they_call_says_how_it_is_compiled() -> None:
+    """Else that would be as whatever has called it first, which a cache would hide."""
+    options: dict[str, set[str]] = {}
+    for file in SOURCE.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef) and node.decorator_list:
+                how = " ".join(ast.unparse(one) for one in node.decorator_list)
+                if "njit" in how:
+                    options.setdefault(node.name, set()).add(how)
+    silent = {name for name, hows in options.items() if not all(OPTION.search(how) for how in hows)}
+    called = {
+        ast.unparse(node.func)
+        for _, kernel in uncounted()
+        for node in ast.walk(kernel)
+        if isinstance(node, ast.Call)
+    }
+    assert called & set(options)
+    assert called & silent == set()

@@ -154,6 +154,8 @@ def test_simulate_checks_what_it_is_given() -> None:
 
 def test_transitions_multiply_to_the_derivative_by_the_start() -> None:
     mechanism, times = load("double"), np.array([0.0, 0.1, 0.15, 0.3])
+    with refuses(MechanismError, "transitions: expected a state at each of 4 times, got 3; give one each."):
+        transitions(mechanism.tree, times, np.zeros((3, 4)), substeps=1)
     start = np.array([0.4, 0.9, -1.0, 2.0])
     motion = np.concatenate(rollout(mechanism.tree, times, *np.split(start, 2), substeps=8), axis=1)
     found = transitions(mechanism.tree, times, motion, substeps=8)

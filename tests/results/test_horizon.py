@@ -8,7 +8,17 @@ import pytest
 from monodyn.choices import Tolerance
 from monodyn.errors import SettingsError
 from monodyn.results.fill import fill
-from monodyn.results.horizon import EXACT, FARTHEST, Horizon, allowed, horizon, horizon_of, horizon_said
+from monodyn.results.horizon import (
+    EXACT,
+    FARTHEST,
+    FASTEST,
+    Horizon,
+    _farther,
+    allowed,
+    horizon,
+    horizon_of,
+    horizon_said,
+)
 from monodyn.results.predict import predict
 from monodyn.results.trace import trace_of
 from support import refuses
@@ -78,3 +88,15 @@ def test_it_is_said_in_words(fit):
             f"Predictions stay within 5 deg for 1.2 s after the fitted frames ({how}; joint2 is the first to "
             "leave)."
         )
+
+
+def test_how_far_is_looked_next_follows_from_how_a_band_grows():
+    times = np.arange(100) / 100.0
+    # from 1e-3 in the middle to 1e-2 at the end: two more halves until it leaves
+    assert _farther(1e-4 * 100.0 ** times[:, None]) == pytest.approx(2.0, abs=0.05)
+    assert _farther(1e-6 * 100.0 ** times[:, None]) == pytest.approx(3.0, abs=0.05)
+    # twice at least, and not without end
+    assert _farther(0.95 * 1.05 ** times[:, None]) == 2.0
+    assert _farther(1e-30 * 2.0 ** times[:, None]) == FASTEST
+    for band in (np.full((100, 2), 0.1), 0.5 - 0.1 * times[:, None], np.full((1, 2), 0.1), np.zeros((5, 1))):
+        assert _farther(band) == FASTEST

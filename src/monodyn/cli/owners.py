@@ -32,7 +32,8 @@ def note_owners_before() -> None:
 def _link(into: ModuleRef, other: ModuleRef) -> None:
     """Put a program into another one; ``other`` is nobody's to destroy afterwards."""
     library: Any = ffi.lib
-    pointer = other._ptr
+    # one that is nobody's already has none, and says so
+    pointer = other._as_parameter_
     other.detach()
     with ffi.OutputString() as said:
         if library.LLVMPY_LinkModules(into, pointer, said):

@@ -11,7 +11,7 @@ from numba import njit
 
 from monodyn.mechanism.branches import factor, solve
 from monodyn.mechanism.tree import CREEP, FRICTION, LEAD
-from monodyn.uncounted import COUNTED, UNCOUNTED
+from monodyn.uncounted import COUNTED, INLINED, UNCOUNTED
 
 MOST_NEWTON, MOST_HALVED = 60, 50
 """Steps to the accelerations under friction that leads, and halvings of one of them, at most."""
@@ -19,7 +19,7 @@ SETTLED_AT = 1e-10
 """Change of what friction turns with, relative to itself or the rate of creep, at which they are found."""
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def smoothed_sign(rate, creep):  # pragma: no cover - compiled
     """Return the smoothed sign of ``rate``, tanh(rate / creep), without overflow for complex rates."""
     x = rate / creep
@@ -32,7 +32,7 @@ def smoothed_sign(rate, creep):  # pragma: no cover - compiled
     return (1.0 - e) / (1.0 + e)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _ahead(i, kind, links, v, a):  # pragma: no cover - compiled
     """Return the dry friction of joint i that turns ahead of the rate, and its slope by the acceleration.
 

@@ -6,10 +6,10 @@ from numba import njit
 
 from monodyn.mechanism.ahead import smoothed_sign
 from monodyn.mechanism.tree import ARMATURE, CREEP, DAMPING, DRAG, FRICTION, LEAD, REST, STIFFNESS
-from monodyn.uncounted import UNCOUNTED
+from monodyn.uncounted import INLINED
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def braked(i, kind, links, v, a):  # pragma: no cover - compiled
     """Return the derivative of dry friction and drag at joint i by its rate, at fixed accelerations."""
     slope = 0.0
@@ -23,7 +23,7 @@ def braked(i, kind, links, v, a):  # pragma: no cover - compiled
     return slope
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def brake(kind, links, at, what, many, q, v, a, da):  # pragma: no cover - compiled
     """Subtract what directions change of friction, drag, spring and armature at joints from ``da`` (dof,
     direction); ``at`` and ``what`` are as in ``by_links``."""

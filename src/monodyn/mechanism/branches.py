@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from numba import njit
 
-from monodyn.uncounted import UNCOUNTED
+from monodyn.uncounted import INLINED
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def factor(parent, h):  # pragma: no cover - compiled
     """Factor the inertia matrix ``h`` (dof, dof) in place as L^T D L; L is below the diagonal, D on it."""
     # When joint k is reached, rows and columns beyond it are eliminated: h[k, k] is its final pivot.
@@ -31,7 +31,7 @@ def factor(parent, h):  # pragma: no cover - compiled
             i = parent[i]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def solve(parent, h, x):  # pragma: no cover - compiled
     """Solve L^T D L x = b in place, ``x`` (dof,) holding b, with ``h`` (dof, dof) from ``factor``."""
     # L^T is solved from the tips inward, D and L from the roots outward.
@@ -48,7 +48,7 @@ def solve(parent, h, x):  # pragma: no cover - compiled
             j = parent[j]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def solve_all(parent, h, x, count):  # pragma: no cover - compiled
     """Solve as ``solve`` does, for the first ``count`` columns of ``x`` (dof, column)."""
     for i in range(parent.size - 1, -1, -1):

@@ -43,7 +43,7 @@ from monodyn.mechanism.tree import (
     REST,
     STIFFNESS,
 )  # fmt: skip
-from monodyn.uncounted import UNCOUNTED
+from monodyn.uncounted import INLINED
 
 C, S, PHI, OX, OY, SW, SX, SY, VW, VX, VY, M, MX, MY, J, FN, FX, FY, AW, AX, AY = range(21)
 ALL_M, ALL_MX, ALL_MY, ALL_J = range(21, 25)
@@ -53,7 +53,7 @@ after ``forward``, the inertia of the link with all that it carries."""
 WORK = 25
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _place_inertia(i, links, ox, oy, w):  # pragma: no cover - compiled
     """Fill mass, first and second moment of link i, whose frame is at (ox, oy), about the fixed point.
 
@@ -68,7 +68,7 @@ def _place_inertia(i, links, ox, oy, w):  # pragma: no cover - compiled
     w[i, ALL_M], w[i, ALL_MX], w[i, ALL_MY], w[i, ALL_J] = w[i, M], w[i, MX], w[i, MY], w[i, J]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
     """Fill pose, motion subspace, velocity and inertia of every link (columns C to J of ``w``), outward.
 
@@ -121,7 +121,7 @@ def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
         _place_inertia(i, links, ox, oy, w)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _bias(parent, gravity, v, w):  # pragma: no cover - compiled
     """Fill the force (FN, FX, FY) that each link needs when every joint acceleration is zero.
 
@@ -149,7 +149,7 @@ def _bias(parent, gravity, v, w):  # pragma: no cover - compiled
         w[i, FY] = w[i, M] * w[i, AY] + w[i, AW] * w[i, MX] + w[i, VW] * px
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def air_direction(i, kind, links, w):  # pragma: no cover - compiled
     """Return what the air acts along on link i, (moment about the fixed point, x, y), as ``w`` stands.
 
@@ -172,7 +172,7 @@ def air_direction(i, kind, links, w):  # pragma: no cover - compiled
     return 1.0 + x * w[i, OX] + y * w[i, OY], -y, x
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def resist(kind, links, w):  # pragma: no cover - compiled
     """Add what the air takes to the forces (FN, FX, FY) that the links need."""
     for i in range(kind.size):
@@ -186,7 +186,7 @@ def resist(kind, links, w):  # pragma: no cover - compiled
             w[i, FY] += force * y
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def forward(parent, kind, links, gravity, q, v, tau, hold, w, h, a):  # pragma: no cover - compiled
     """Write the accelerations into ``a`` and the factored inertia matrix into ``h``; ``w`` is scratch.
 

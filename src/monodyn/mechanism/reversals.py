@@ -7,7 +7,7 @@ from numba import njit
 
 from monodyn.mechanism.ahead import smoothed_sign
 from monodyn.mechanism.tree import CREEP, FRICTION, LEAD
-from monodyn.uncounted import COUNTED, UNCOUNTED
+from monodyn.uncounted import COUNTED, INLINED
 
 SETTLED = 4.0
 """Rate over that of creep beyond which dry friction no longer changes (to 1e-3)."""
@@ -32,7 +32,7 @@ SHARE = 0.5
 rate: the way to rest is then gone by two thirds at most, for any length."""
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def part_of_step(parent, kind, links, v, a, h, left, step, substeps, hold):  # pragma: no cover - compiled
     """Return how far to go at once of what is ``left`` of a step, where dry friction may change its sign.
 
@@ -99,16 +99,16 @@ def part_of_step(parent, kind, links, v, a, h, left, step, substeps, hold):  # p
     return part
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def is_held(hold):  # pragma: no cover - compiled
-    """Return whether ``part_of_step`` has added to the inertia at a joint."""
+    """Return whether ``part_of_step`` has added to the inertia at a joint; ``hold`` is (dof,)."""
     held = False
     for i in range(hold.size):
         held = held or hold[i] != 0.0
     return held
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def turns(kind, links, u0, a0, u, a, length, step):  # pragma: no cover - compiled
     """Return whether friction that leads turns too far in a part of a step, which is then to be halved.
 

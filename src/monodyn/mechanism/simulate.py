@@ -353,9 +353,14 @@ def transitions(
         Derivatives, (frame, 2 dof, 2 dof); the first is the identity.
 
     Raises:
-        MechanismError: From ``_agree``: an array is not of the tree's joints.
+        MechanismError: There is not one state a time; or from ``_agree``: an array is not of the tree's
+            joints.
     """
     drive = drive or UNDRIVEN(len(tree.parent))
+    if len(motion) != len(times):
+        raise MechanismError(
+            f"transitions: expected a state at each of {len(times)} times, got {len(motion)}; give one each."
+        )
     none = np.zeros(0)
     entry = np.full(drive.table.shape, -1)
     nothing = Directions(np.zeros((*tree.links.shape, 0)), np.zeros((2, 0)), entry, none, none, none)

@@ -64,7 +64,7 @@ from monodyn.mechanism.tree import (
     SLIDE,
     STIFFNESS,
 )  # fmt: skip
-from monodyn.uncounted import UNCOUNTED
+from monodyn.uncounted import INLINED
 
 VSX, VSY, BX, BY, IX, IY, KN, KX, KY, GN, GX, GY, RNN, RNX, RNY, RXX, RXY, RYY = range(18)
 """Columns of the scratch ``d``, one row a link: V x S of its joint, and A x S + V x (V x S), which do not
@@ -73,7 +73,7 @@ carries, G, the force by a unit turn rate, and R, the resistance of the air, sym
 SLOPE = 18
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def outward(parent, kind, links, gravity, v, a, w, d):  # pragma: no cover - compiled
     """Fill A and force (AW to FY of ``w``) of the motion with accelerations ``a``, and VSX to BY of ``d``;
     then sum forces, G and R over all that each link carries.
@@ -127,7 +127,7 @@ def outward(parent, kind, links, gravity, v, a, w, d):  # pragma: no cover - com
                 d[p, c] += d[i, c]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _met(i, w, d, vw, vx, vy, bx, by):  # pragma: no cover - compiled
     """Return the change of the force (n, x, y) of all that link i carries, as its velocity changes by
     (vw, vx, vy) and its acceleration by (0, bx, by)."""
@@ -138,7 +138,7 @@ def _met(i, w, d, vw, vx, vy, bx, by):  # pragma: no cover - compiled
     return n, x, y
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def by_state(parent, kind, links, v, a, w, d, by_q, by_v):  # pragma: no cover - compiled
     """Fill the derivatives of the inverse dynamics by positions and rates at fixed accelerations, (dof, dof)
     each; entries of joints that do not carry each other are left as they are.
@@ -193,7 +193,7 @@ def touched(dlinks, count):  # pragma: no cover - compiled
     return at[:many], what[:many]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def by_links(parent, kind, links, gravity, at, what, many, q, v, a, w, d, da):  # pragma: no cover - compiled
     """Subtract the derivatives of the inverse dynamics by what directions change of links, the first ``many``
     rows of ``at`` and ``what`` from ``touched``, from ``da`` (dof, direction)."""
@@ -202,7 +202,7 @@ def by_links(parent, kind, links, gravity, at, what, many, q, v, a, w, d, da):  
     _by_place(parent, kind, gravity, at, what, many, q, v, a, w, d, da)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _by_inertia(parent, kind, links, at, what, many, w, da):  # pragma: no cover - compiled
     """Subtract what changes of mass, centre of mass and inertia of links, and of the air's resistance to
     them, add to the forces of the joints that carry them."""
@@ -250,7 +250,7 @@ def _by_inertia(parent, kind, links, at, what, many, w, da):  # pragma: no cover
             i = parent[i]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _by_place(parent, kind, gravity, at, what, many, q, v, a, w, d, da):  # pragma: no cover - compiled
     """Subtract what changes of the place of joints in their parents' frames, of their frames' turns there, or
     of the directions of slides add to the forces of all joints that they move or that carry them."""
@@ -303,7 +303,7 @@ def _by_place(parent, kind, gravity, at, what, many, q, v, a, w, d, da):  # prag
                 p = parent[p]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def by_gravity(dgravity, d, da, live):  # pragma: no cover - compiled
     """Add what a change of gravity (2, direction) adds to the right-hand side ``da`` (dof, direction)."""
     for i in range(d.shape[0]):
@@ -311,7 +311,7 @@ def by_gravity(dgravity, d, da, live):  # pragma: no cover - compiled
             da[i, k] += d[i, IX] * dgravity[0, k] + d[i, IY] * dgravity[1, k]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def linearize(
     parent, kind, links, gravity, dgravity, at, what, q, v, a, w, h, d, by_q, by_v, da
 ):  # pragma: no cover - compiled

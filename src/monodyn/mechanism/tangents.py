@@ -21,10 +21,10 @@ from monodyn.mechanism.drive import NONE, torque
 from monodyn.mechanism.planar import WORK, forward
 from monodyn.mechanism.reversals import is_held, part_of_step, turns
 from monodyn.mechanism.slopes import SLOPE, by_gravity, by_links, by_state, outward, touched
-from monodyn.uncounted import UNCOUNTED
+from monodyn.uncounted import INLINED
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _add_torque(
     tau, slope, time, value, span, slot, load, clock, lagging, lag, da, live
 ):  # pragma: no cover - compiled
@@ -43,7 +43,7 @@ def _add_torque(
             da[i, k] += load[k] * tau[i] + clock[k] * time * slope[i] + lag[k] * later
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _carry(by_q, by_v, dx, du, da, live):  # pragma: no cover - compiled
     """Write minus what the change of the state adds to the forces, all (dof, direction), into ``da``."""
     for i in range(by_q.shape[0]):
@@ -54,7 +54,7 @@ def _carry(by_q, by_v, dx, du, da, live):  # pragma: no cover - compiled
                 da[i, k] -= by_q[i, j] * dx[j, k] + by_v[i, j] * du[j, k]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _to_stage(part, x0, u0, dx0, du0, x, u, a, dx, du, da, live):  # pragma: no cover - compiled
     """Put state and tangents of the next stage where those of this one lead from the start in the time
     ``part``."""
@@ -66,7 +66,7 @@ def _to_stage(part, x0, u0, dx0, du0, x, u, a, dx, du, da, live):  # pragma: no 
             du[i, k] = du0[i, k] + part * da[i, k]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _put(u, a, du, da, u0, a0, du0, da0, live):  # pragma: no cover - compiled
     """Copy rates and accelerations (or a state) with their derivatives into others."""
     for i in range(u.shape[0]):
@@ -75,7 +75,7 @@ def _put(u, a, du, da, u0, a0, du0, da0, live):  # pragma: no cover - compiled
             du0[i, k], da0[i, k] = du[i, k], da[i, k]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _add(part, u, a, du, da, x0, u0, dx0, du0, live):  # pragma: no cover - compiled
     """Add what rates and accelerations, and their derivatives, change in the time ``part`` to a state."""
     for i in range(u.shape[0]):

@@ -29,7 +29,7 @@ from monodyn.mechanism.planar import WORK, forward
 from monodyn.mechanism.slopes import SLOPE, linearize, touched
 from monodyn.mechanism.tree import FRICTION, Directions, Tree
 from monodyn.solving import eliminate
-from monodyn.uncounted import UNCOUNTED
+from monodyn.uncounted import INLINED
 
 REST = 1e-6
 """Share of the squared rates of a joint's fastest run below which a run of it counts as one at rest."""
@@ -76,7 +76,7 @@ def derivatives(
     return q, v, dq, dv
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _carry(length, by, dx, du, middle, da, matrix, right):  # pragma: no cover - compiled
     """Carry tangents ``dx`` and ``du`` (dof, direction) over two steps, of ``length`` together.
 
@@ -127,24 +127,24 @@ def _carry(length, by, dx, du, middle, da, matrix, right):  # pragma: no cover -
             by0[i, k] = by2[i, k]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _linearize(
     parent, kind, links, gravity, dgravity, at, what, q, v, a, w, h, d, by_q, by_v, by, k
 ):  # pragma: no cover - compiled
-    """Fill ``by[k]`` as ``slopes.linearize`` does."""
+    """Fill ``by[k]`` as ``slopes.linearize`` does; ``by`` is (3, dof, param + 2 dof)."""
     linearize(parent, kind, links, gravity, dgravity, at, what, q, v, a, w, h, d, by_q, by_v, by[k])
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _note(x0, u0, dx, du, q, v, dq, dv, f):  # pragma: no cover - compiled
-    """Put state and tangents into the rows of frame ``f``."""
+    """Put state (dof,) and tangents (dof, direction) into row ``f`` of motion, (frame, dof), and tangents."""
     for i in range(x0.size):
         q[f, i], v[f, i] = x0[i], u0[i]
         for k in range(dx.shape[1]):
             dq[f, i, k], dv[f, i, k] = dx[i, k], du[i, k]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _accelerate(by, dx, du, da):  # pragma: no cover - compiled
     """Write the changes of the accelerations, A_q dx + A_v du + b, into ``da`` (dof, direction)."""
     n, live = dx.shape
@@ -158,7 +158,7 @@ def _accelerate(by, dx, du, da):  # pragma: no cover - compiled
                 da[i, k] += to_q * dx[j, k] + to_v * du[j, k]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _advance(
     parent, kind, links, gravity, step, x0, u0, a, x, u, rates, changes, tau, w, h
 ):  # pragma: no cover - compiled
@@ -243,7 +243,7 @@ def variations(
     return q, v, dq, dv, _off(gaps, speeds)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, **UNCOUNTED)
+@njit(cache=True, error_model="numpy", **INLINED)
 def _off(gaps, speeds):  # pragma: no cover - compiled
     """Return the largest share of what rates are off by, from sums of squares of both, (run, dof)."""
     off = 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from monodyn.uncounted import UNCOUNTED
+from monodyn.uncounted import INLINED
 
 
 @njit(cache=True, nogil=True)
@@ -43,7 +43,7 @@ def block_means(plane: np.ndarray, out: np.ndarray) -> None:
                 out[i, j] = _rounded(block, (bottom - top) * (right - left))
 
 
-@njit(cache=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, **INLINED)
 def _rounded(total: np.uint32, count: int) -> np.uint8:
     """Return a mean, rounded; signed numbers are what registers convert."""
     return np.uint8(np.int32(np.float32(np.int32(total)) / np.float32(count) + np.float32(0.5)))

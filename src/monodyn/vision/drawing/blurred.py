@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
-from monodyn.uncounted import UNCOUNTED
+from monodyn.uncounted import INLINED, UNCOUNTED
 from monodyn.vision.drawing.probe import (
     AT_X,
     AT_Y,
@@ -152,14 +152,14 @@ def find_blurred_edge(
     return USED
 
 
-@njit(cache=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, **INLINED)
 def times_of(path: tuple[float, float, float, float]) -> int:
     """Return at how many times of an exposure an outline is placed that moves along a path [px]."""
     way = math.sqrt((path[2] - path[0]) ** 2 + (path[3] - path[1]) ** 2)
     return min(max(4, math.ceil(way)), MOST_TIMES)
 
 
-@njit(cache=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, **INLINED)
 def covered_part(
     px: np.ndarray,
     hull: np.ndarray,

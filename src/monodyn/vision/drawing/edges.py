@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
-from monodyn.uncounted import UNCOUNTED
+from monodyn.uncounted import INLINED, UNCOUNTED
 from monodyn.vision.drawing.camera import displaced_camera
 from monodyn.vision.drawing.normals import edge_samples
 from monodyn.vision.drawing.probe import (
@@ -290,22 +290,22 @@ def drawn_edge_terms(
     swept = swept_points(rig, position, outlines)
     count = edge_samples(planes, view, outlines, swept, (reach, spacing), ends, samples, True)
     moved, rows = moved_points(rig, shifts, position, outlines), np.zeros((2, size))
-    _add_samples(planes, view, rig, shifts, room, moved, (count, reach), rows, normal, right, found)
+    _add_samples(planes, view, rig, shifts, room, moved, count, reach, rows, normal, right, found)
     return normal, right, found
 
 
 @njit(cache=True, **UNCOUNTED)
 def _add_samples(
     planes: np.ndarray, view: View, rig: Rig, shifts: Shifts, room: EdgeRoom, moved: np.ndarray,
-    search: tuple[int, float], rows: np.ndarray, normal: np.ndarray, right: np.ndarray, found: np.ndarray,
+    count: int, reach: float, rows: np.ndarray, normal: np.ndarray, right: np.ndarray, found: np.ndarray,
 ) -> None:  # fmt: skip
     """Add the samples in ``room`` to ``normal``, ``right`` and ``found``, which ``edge_kernel`` returns.
 
-    ``moved`` is from ``moved_points``, ``search`` has the number of samples and the length of the search
+    ``moved`` is from ``moved_points``, ``count`` the number of samples, ``reach`` the length of the search
     [px]; ``rows`` (2, dof + param) is room: for the derivatives of a sample, and for the weighted sum of
     these over the samples of an edge.
     """
-    (count, reach), px, ends, samples = search, room.outlines.px, room.ends, room.samples
+    px, ends, samples = room.outlines.px, room.ends, room.samples
     size, dofs, row, edge_row = right.shape[0], right.shape[0] - shifts.steps.shape[0], rows[0], rows[1]
     scale = max(0.35 * reach, 1.0)
     # the edge that the samples before lie on, and the weighted sums over these
@@ -353,7 +353,7 @@ def _add_samples(
     _take_out(normal, right, px[edge[0]], px[edge[1]], edge_weight, edge_row, edge_away)
 
 
-@njit(cache=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, **INLINED)
 def _take_out(
     normal: np.ndarray, right: np.ndarray, start: np.ndarray, end: np.ndarray, weight: float,
     row: np.ndarray, away: float,
@@ -375,7 +375,7 @@ def _take_out(
             normal[j, k] -= share * row[j] * row[k]
 
 
-@njit(cache=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, **INLINED)
 def _level_inside(planes: np.ndarray, view: View, sample: np.ndarray) -> float:
     """Return the coverage just inside of a sample (column,), as a share of what counts as whole there."""
     if sample[BORDER] > 0.0:  # that the rest of the geom does not show is why it was looked for

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
-from monodyn.uncounted import UNCOUNTED
+from monodyn.uncounted import INLINED
 from monodyn.vision.drawing.probe import (
     AT_X,
     AT_Y,
@@ -70,14 +70,14 @@ def half_ways(planes: np.ndarray, view: View, samples: np.ndarray, reach: float)
     return found
 
 
-@njit(cache=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, **INLINED)
 def _coverage(coverage: np.ndarray, sample: np.ndarray, t: float) -> float:
     """Return the coverage, ``FULL`` at most, at a distance outwards of a sample (column,) [px]."""
     x, y = sample[AT_X] + t * sample[NORMAL_X], sample[AT_Y] + t * sample[NORMAL_Y]
     return min(bilinear(coverage, x, y), float(FULL))
 
 
-@njit(cache=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, **INLINED)
 def _level_inside(coverage: np.ndarray, sample: np.ndarray, inner: float) -> float:
     """Return the mean coverage inside of a sample (column,), where blur leaves it alone."""
     total, count = 0.0, 0

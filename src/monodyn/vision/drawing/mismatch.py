@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
-from monodyn.uncounted import UNCOUNTED
+from monodyn.uncounted import INLINED, UNCOUNTED
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw, fill_hulls, projected
 
@@ -164,7 +164,7 @@ def _add_sums(
     return area
 
 
-@njit(cache=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, **INLINED)
 def _is_beside(cuts: np.ndarray, h: int, xp: float, yp: float, xq: float, yq: float) -> bool:
     """Return whether an edge lies beside the box of a geom, ``cuts`` (geom, 10): most are far from most."""
     if cuts[h, LEFT] > max(xp, xq) or cuts[h, RIGHT] < min(xp, xq):
@@ -379,12 +379,16 @@ def _fill_balance(
     alone: np.ndarray,
     costs: np.ndarray,
 ) -> None:
-    """Do the work of ``pose_balance``: fill ``costs`` (pose,); ``pictures`` (1, height, width + 1) has the
-    balance, the rest is room."""
+    """Do the work of ``pose_balance``: fill ``costs`` (pose,) for ``positions`` (pose, dof).
+
+    ``pictures`` (1, height, width + 1) has the balance; the outlines, ``cuts`` (geom, 10), ``inside`` (1,)
+    and ``alone`` (entry of the hull,) are room.
+    """
     last, same = rig.link[geoms - 1] if geoms > 0 else 0, 0
     for g in range(geoms):
         same += rig.link[g] < last
-    # what each edge of these geoms costs as long as no other geom touches it is in ``alone``, and all of them
+    # of the geoms before the last joint's: what each edge costs as long as no other geom touches it is kept
+    # in ``alone``, and what all of them cost here
     together, is_known = 0.0, False
     for i in range(positions.shape[0]):
         costs[i] = UNDRAWABLE

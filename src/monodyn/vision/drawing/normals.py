@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL
-from monodyn.uncounted import UNCOUNTED
+from monodyn.uncounted import INLINED, UNCOUNTED
 from monodyn.vision.drawing.blurred import LEAST_SWEEP_PX, find_blurred_edge
 from monodyn.vision.drawing.probe import (
     AT_X,
@@ -309,13 +309,13 @@ def _find_edge(
     return USED
 
 
-@njit(cache=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, **INLINED)
 def _units(place: float) -> int:
     """Return a place [px] in whole units, half of a weight's step ahead so that weights are rounded."""
     return round(place * ONE) + ONE // (2 * WEIGHTS)
 
 
-@njit(cache=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, **INLINED)
 def _value(picture: np.ndarray, x: int, y: int) -> np.int64:
     """Return a picture's value between pixels in units of a ``VALUE``th, at a place in units of a ``ONE``th;
     the caller keeps it inside. This is ``bilinear`` in whole numbers, which takes half of the time."""

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from monodyn.uncounted import COUNTED, UNCOUNTED
+from monodyn.uncounted import INLINED, UNCOUNTED
 
 STEP_PX = 0.5
 """Distance of the picture samples along a normal [px]."""
@@ -69,7 +69,7 @@ class Normal(NamedTuple):
     ny: float
 
 
-@njit(cache=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, **INLINED)
 def least_trust(known: np.ndarray, at: Normal, inner: float, reach: float) -> float:
     """Return the least trust of a plane (height, width) at five places along the searched normal."""
     weight = 1.0
@@ -78,7 +78,7 @@ def least_trust(known: np.ndarray, at: Normal, inner: float, reach: float) -> fl
     return weight
 
 
-@njit(cache=True, **COUNTED)
+@njit(cache=True)
 def outline_lines(px: np.ndarray, hull: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Return the lines along the edges of outlines, which every sample is compared with.
 
@@ -108,7 +108,7 @@ def outline_lines(px: np.ndarray, hull: np.ndarray, first: np.ndarray) -> np.nda
     return lines
 
 
-@njit(cache=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, **INLINED)
 def is_covered(lines: np.ndarray, first: np.ndarray, own: int, at: Normal, reach: float) -> bool:
     """Return whether another geom than ``own`` covers a place or what lies outwards of it.
 
@@ -163,7 +163,7 @@ def depth_inside(lines: np.ndarray, a: int, b: int, at: Normal) -> float:
     return far
 
 
-@njit(cache=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, **INLINED)
 def bilinear(picture: np.ndarray, x: float, y: float) -> float:
     """Return the picture's value between pixels; the caller keeps (x, y) inside."""
     column, row = int(x), int(y)

@@ -133,7 +133,7 @@ def link_frames(rig: Rig, position: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, **UNCOUNTED)
 def _fill_frames(rig: Rig, position: np.ndarray, frames: np.ndarray) -> None:
-    """Do the work of ``link_frames``."""
+    """Do the work of ``link_frames``: fill ``frames`` (dof, 3) for a pose, (dof,)."""
     links = rig.links
     for i in range(position.shape[0]):
         x, y, angle = 0.0, 0.0, 0.0

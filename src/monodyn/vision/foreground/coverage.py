@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.types import FULL, Frame
-from monodyn.uncounted import UNCOUNTED
+from monodyn.uncounted import INLINED, UNCOUNTED
 from monodyn.vision.foreground.background import Background, Window
 from monodyn.vision.foreground.palette import BLACK, CHROMA_WEIGHT, Palette
 from monodyn.vision.foreground.shadow import unshadowed
@@ -284,7 +284,7 @@ def _project(
                 covered[x] = _level(((np.float32(shown[x]) - b) * step + tint[x]) * gain[x])
 
 
-@njit(cache=True, fastmath=True, forceinline=True, **UNCOUNTED)
+@njit(cache=True, fastmath=True, **INLINED)
 def _level(value: np.float32) -> np.uint8:
     """Return a coverage as a level of 8 bits, rounded."""
     none, most, level = np.float32(0.0), np.float32(255.0), value + np.float32(0.5)
