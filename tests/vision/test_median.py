@@ -27,6 +27,24 @@ def test_median_leaves_hidden_samples_out() -> None:
     assert count[1, 1] == 3
 
 
+@pytest.mark.parametrize(("low", "high"), [(0, 2), (0, 256), (90, 107), (200, 256), (255, 256)])
+@pytest.mark.parametrize("frames", [2, 3, 72, 255, 300])
+def test_every_range_of_levels_and_number_of_frames(low: int, high: int, frames: int) -> None:
+    """Against a sorted list; a block is of 512 pixels, and the last one is not full."""
+    rng = np.random.default_rng(frames)
+    stack = rng.integers(low, high, (frames, 3, 211), dtype=np.uint8)
+    hidden = rng.random(stack.shape) < 0.3
+    for shown in (np.ones_like(hidden), ~hidden):
+        counted = shown.sum(axis=0)
+        median, _, count = masked_median(stack, np.zeros((0, 0, 0), np.bool_) if shown.all() else hidden)
+        for y, x in np.argwhere(counted > 0):
+            ordered = np.sort(stack[shown[:, y, x], y, x]).astype(int)
+            level = ordered[-(-len(ordered) // 2) - 1]
+            below, at = np.searchsorted(ordered, level), np.sum(ordered == level)
+            assert median[y, x] == pytest.approx(level - 0.5 + (len(ordered) / 2 - below) / at, abs=1e-4)
+        np.testing.assert_array_equal(count, counted)
+
+
 def test_median_takes_the_steps_out_of_shading() -> None:
     rng = np.random.default_rng(1)
     stack = np.round(100.3 + rng.normal(scale=1.5, size=(400, 2, 2))).astype(np.uint8)
