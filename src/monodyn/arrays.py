@@ -175,6 +175,19 @@ def medians(values: np.ndarray) -> np.ndarray:
     return 0.5 * (ordered[half] + ordered[-half - 1])
 
 
+def median(values: np.ndarray) -> float:
+    """Return what ``numpy.median`` does of all values, those of a picture several times sooner.
+
+    Args:
+        values: At least one, of floating point and none of it NaN, of any shape.
+    """
+    half = values.size // 2
+    # to ask for several places at once takes the slow way
+    ordered = np.partition(values, half, axis=None)
+    low = ordered[half] if values.size % 2 else ordered[:half].max()
+    return float(0.5 * (low + ordered[half]))
+
+
 def check_unbroken(where: str, times: np.ndarray) -> None:
     """Refuse a record that consists of pauses for the most part.
 

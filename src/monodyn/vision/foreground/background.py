@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.arrays import median
 from monodyn.cores import on_all_cores
 from monodyn.types import Frame
 from monodyn.vision.clip.repeats import NO_REPEATS, Repeats
@@ -132,7 +133,7 @@ def background_of(
     grey, chroma = found.luma, found.chroma
     known = found.count >= max(2, len(samples.frames) // 24)
     deviation = _smooth_deviation(found.deviation)
-    noise = float(np.median(deviation))
+    noise = median(deviation)
     # a pixel that is never seen uncovered keeps the first guess, which the palette then does not trust
     if fallback is not None:
         grey = np.where(known, grey, fallback.luma)
@@ -204,7 +205,8 @@ def _uncovered(samples: Samples, covered: Sequence[np.ndarray]) -> Medians:
         [frame.luma for frame in frames], covered, somewhere
     )
     if chroma is not None:
-        small = [_shrink(mask, chroma[0].shape) for mask in covered]
+        size = chroma[0].shape
+        small = on_all_cores(lambda mask: _shrink(mask, size), covered)
         somewhere = any_of(small)
         colours = [frame.chroma for frame in frames if frame.chroma is not None]
         chroma = (chroma[0].copy(), chroma[1].copy())

@@ -49,14 +49,18 @@ def least_contrast(samples: Sequence[Frame], background: Background, grey_only: 
     Returns:
         The difference [grey levels].
     """
-    step, found = thinning(background.luma.shape), []
+    step = thinning(background.luma.shape)
     noise = np.broadcast_to(background.pixel_noise, background.luma.shape)[::step, ::step]
     least, counts = (CHANGED_NOISE * noise) ** 2, background.counts[::step, ::step]
     behind = thinned(background.luma, None if grey_only else background.chroma, step)
-    for frame in samples[:: spacing(len(samples), CONTRAST_FRAMES)]:
+
+    def changed(frame: Frame) -> np.ndarray:
+        """Return the squared differences of the pixels of one sample that have changed, (pixel,)."""
         squares = apart(thinned(frame.luma, None if grey_only else frame.chroma, step), behind)
-        found.append(squares[(squares > least) & counts])
-    sizes = np.sqrt(np.concatenate(found))
+        return squares[(squares > least) & counts]
+
+    picks = samples[:: spacing(len(samples), CONTRAST_FRAMES)]
+    sizes = np.sqrt(np.concatenate(on_all_cores(changed, picks)))
     typical = float(np.percentile(sizes, 95.0)) if len(sizes) else 0.0
     return float(np.clip(CHANGED_SHARE * typical, CHANGED_NOISE * background.noise, MOST_CONTRAST))
 

@@ -54,32 +54,68 @@ def fill_moving(
     """
     top, bottom, left, right = behind.window
     contrast, noises = np.float32(least[0]), np.float32(least[1])
-    squares = np.zeros(luma.shape[1], np.float32)
+    squares = np.zeros(right - left, np.float32)
     for y in range(top, bottom):
-        row, back, noise, counts, marks = luma[y], behind.luma[y], behind.noise[y], behind.counts[y], out[y]
-        for x in range(left, right):
-            squares[x] = (np.float32(row[x]) - back[x]) ** 2
+        _fill_squares(luma[y][left:right], behind.luma[y][left:right], squares)
         for c in range(chroma.shape[0]):
-            shown, usual = chroma[c, y], behind.chroma[c, y]
-            for x in range(left, right):
-                squares[x] += (np.float32(shown[x]) - usual[x]) ** 2
-        for x in range(left, right):
-            deviation = noises * noise[x]
-            deviation = deviation if deviation > contrast else contrast
-            marks[x] = (squares[x] > deviation * deviation) & counts[x]
-        for x in range(left, right):
-            if marks[x]:
-                marks[x] = _stands_out(luma, chroma, behind, y, x)
+            _add_squares(chroma[c, y][left:right], behind.chroma[c, y][left:right], squares)
+        noise, counts, marks = behind.noise[y][left:right], behind.counts[y][left:right], out[y][left:right]
+        _mark_changed(squares, noise, counts, (contrast, noises), marks)
+        near, columns = behind.around[:, behind.rows[y]], behind.columns[left:right]
+        shown = (luma[y][left:right], chroma[:, y, left:right])
+        usual = (behind.luma[y][left:right], behind.chroma[:, y, left:right])
+        _unmark(shown, usual, near, columns, marks)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", **UNCOUNTED)
-def _stands_out(luma: np.ndarray, chroma: np.ndarray, behind: Scenery, y: int, x: int) -> bool:
-    """Return whether a pixel is less like what is around than its background is."""
-    i, j = behind.rows[y], behind.columns[x]
-    near = behind.around[0, i, j]
-    off, usual = (np.float32(luma[y, x]) - near) ** 2, (behind.luma[y, x] - near) ** 2
-    for c in range(chroma.shape[0]):
-        near = behind.around[c + 1, i, j]
-        off += (np.float32(chroma[c, y, x]) - near) ** 2
-        usual += (behind.chroma[c, y, x] - near) ** 2
-    return off > usual
+@njit(cache=True, nogil=True, **UNCOUNTED)
+def _fill_squares(row: np.ndarray, behind: np.ndarray, squares: np.ndarray) -> None:
+    """Fill ``squares`` with the squared differences of a row of a picture from the background, (pixel,)."""
+    for x in range(len(squares)):
+        difference = np.float32(row[x]) - behind[x]
+        squares[x] = difference * difference
+
+
+@njit(cache=True, nogil=True, **UNCOUNTED)
+def _add_squares(row: np.ndarray, behind: np.ndarray, squares: np.ndarray) -> None:
+    """Add the same of another plane."""
+    for x in range(len(squares)):
+        difference = np.float32(row[x]) - behind[x]
+        squares[x] += difference * difference
+
+
+@njit(cache=True, nogil=True, **UNCOUNTED)
+def _mark_changed(
+    squares: np.ndarray, noise: np.ndarray, counts: np.ndarray, least: tuple[float, float], marks: np.ndarray
+) -> None:
+    """Fill ``marks`` with whether the pixels of a row have changed, (pixel,)."""
+    contrast, noises = least
+    for x in range(len(squares)):
+        deviation = noises * noise[x]
+        deviation = deviation if deviation > contrast else contrast
+        marks[x] = (squares[x] > deviation * deviation) & counts[x]
+
+
+@njit(cache=True, nogil=True, **UNCOUNTED)
+def _unmark(
+    shown: tuple[np.ndarray, np.ndarray],
+    usual: tuple[np.ndarray, np.ndarray],
+    around: np.ndarray,
+    columns: np.ndarray,
+    marks: np.ndarray,
+) -> None:
+    """Unmark the pixels of a row that are more like what is around, (channel, column), than their background is.
+
+    ``shown`` and ``usual`` are grey levels (pixel,) and colours (channel, pixel).
+    """
+    for x in range(len(marks)):
+        if not marks[x]:
+            continue
+        near = around[0, columns[x]]
+        one, other = np.float32(shown[0][x]) - near, usual[0][x] - near
+        off, behind = one * one, other * other
+        for c in range(len(shown[1])):
+            near = around[c + 1, columns[x]]
+            one, other = np.float32(shown[1][c, x]) - near, usual[1][c, x] - near
+            off += one * one
+            behind += other * other
+        marks[x] = off > behind

@@ -17,7 +17,7 @@ NEAREST, FARTHEST = 2.0, 12.0
 """Grey levels within which a sample always counts as noise (a codec repeats pictures and then corrects them),
 and beyond which it never does."""
 BLOCK = 512
-"""Pixels searched at once: what all frames show of them stays in the nearest cache, and fills whole registers."""
+"""Pixels searched at once: what all frames show of them fills whole registers and fits a cache."""
 GROUP = 252
 """Samples of a pixel that are counted at once: fours of them, in 8 bits."""
 BRIGHTEST = np.uint8(255)
@@ -165,8 +165,10 @@ def _fill_levels(
 
 @njit(cache=True, **UNCOUNTED)
 def _count_below(block: np.ndarray, limit: np.ndarray, part: np.ndarray, below: np.ndarray) -> None:
-    """Count the samples of a block, (frame, ``BLOCK``), below a level of each pixel, (``BLOCK``,); ``part``, as
-    large, is room for the counts of a group."""
+    """Count the samples of a block, (frame, ``BLOCK``), below a level of each pixel, (``BLOCK``,).
+
+    ``part``, as large, is room for the counts of a group.
+    """
     below[:] = 0
     for first in range(0, len(block), GROUP):
         group = block[first : first + GROUP]

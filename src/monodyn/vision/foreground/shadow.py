@@ -313,16 +313,30 @@ def _detail_shown(samples: list[_Sample], shadows: list[np.ndarray]) -> tuple[fl
     """
     import cv2
 
-    size, pairs, ratios = (2 * DETAIL + 1, 2 * DETAIL + 1), [], []
-    for s, shadow in zip(samples, shadows, strict=True):
+    size = (2 * DETAIL + 1, 2 * DETAIL + 1)
+
+    def shown_by(pair: tuple[_Sample, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return detail of the picture and of the background, and ratio, at the pixels of one shadow."""
+        sample, shadow = pair
+        rows, columns = np.flatnonzero(shadow.any(axis=1)), np.flatnonzero(shadow.any(axis=0))
+        if not len(rows):
+            return (np.zeros(0, np.float32),) * 3
+        # what is farther away than a window is in none
+        cut = (_grown(rows, DETAIL), _grown(columns, DETAIL))
+        shadow, ratio, behind = shadow[cut], sample.ratio[cut], sample.behind[cut]
         weight = shadow.astype(np.float32)
         around = np.maximum(cv2.blur(weight, size), 1e-6)
-        pairs.append(
-            [(v - cv2.blur(weight * v, size) / around)[shadow] for v in (s.ratio * s.behind, s.behind)]
-        )
-        ratios.append(s.ratio[shadow])
-    level, behind = (np.concatenate(values) for values in zip(*pairs, strict=True))
-    power, ratio = max(float(behind @ behind), 1e-9), float(np.median(np.concatenate(ratios)))
+        level, wall = ((v - cv2.blur(weight * v, size) / around)[shadow] for v in (ratio * behind, behind))
+        return level, wall, ratio[shadow]
+
+    found = on_all_cores(shown_by, zip(samples, shadows, strict=True))
+    level, behind, ratios = (np.concatenate(values) for values in zip(*found, strict=True))
+    power, ratio = max(float(behind @ behind), 1e-9), float(np.median(ratios))
     slope = float(level @ behind) / power
     error = float(np.std(level - slope * behind)) / np.sqrt(power)
     return slope / ratio, error / ratio, float(np.std(behind))
+
+
+def _grown(numbers: np.ndarray, by: int) -> slice:
+    """Return the range of increasing row or column numbers, with a margin."""
+    return slice(max(0, int(numbers[0]) - by), int(numbers[-1]) + by + 1)

@@ -183,8 +183,10 @@ def _prelude(unlike: np.ndarray, changing: np.ndarray) -> int:
 def _differs(thumbnails: Thumbnails, levels: tuple[float, ...]) -> list[np.ndarray]:
     """Return in which frames much of what is usually still is off by more than each level, bool (frame,)."""
     count = len(thumbnails.number)
-    grey = thumbnails.planes[:, 0].reshape(count, -1)
-    grey = grey[:, :: max(1, grey.shape[1] // PROBED_PIXELS)].astype(np.float32)
+    # the planes follow one another: cut first, they would be copied whole
+    cells = thumbnails.planes[0, 0].size
+    grey = thumbnails.planes.reshape(count, -1)[:, : cells : max(1, cells // PROBED_PIXELS)]
+    grey = grey.astype(np.float32)
     few = grey[:: max(1, count // PROBED_FRAMES)]
     usual = medians(few)
     still = medians(np.abs(few - usual)) < STILL_DEVIATION

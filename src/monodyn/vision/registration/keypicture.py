@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from monodyn.arrays import median
 from monodyn.vision.clip.homography import Homography
 
 FINEST_PX = 640
@@ -195,7 +196,7 @@ def _noise(grey: np.ndarray) -> float:
 
     # differences of neighbours across both axes leave the noise alone
     fine = cv2.filter2D(grey, cv2.CV_32F, np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32))
-    return max(LEAST_NOISE, float(np.median(np.abs(fine[1:-1, 1:-1]))) / 0.6745 / 6.0)
+    return max(LEAST_NOISE, median(np.abs(fine[1:-1, 1:-1])) / 0.6745 / 6.0)
 
 
 @njit(cache=True)
