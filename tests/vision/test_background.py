@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from monodyn.vision.foreground.background import background_of, within
+from monodyn.vision.foreground.covered import Covered
 from monodyn.vision.foreground.thumbnails import Window
 from pictures import samples, wandering
 
@@ -33,7 +34,7 @@ def test_within_a_part_nothing_is_known_of_what_else_moves() -> None:
 def test_pixels_covered_in_a_frame_show_the_others_alone() -> None:
     made = wandering(colour=(90, 80, 170), places=[10 + 2 * (i // 4) for i in range(24)])
     covered = [frame.luma < 125 for frame in made]
-    found, plain = background_of(samples(made), covered), background_of(samples(made))
+    found, plain = background_of(samples(made), Covered(covered)), background_of(samples(made))
     shown = np.ma.masked_array([frame.luma for frame in made], covered)
     free = ~np.all(covered, axis=0)
     # of an even number of samples any level between the middle two is a median

@@ -10,6 +10,7 @@ import pytest
 from monodyn.types import FULL
 from monodyn.vision.foreground.background import Background, background_of
 from monodyn.vision.foreground.coverage import coverage_of
+from monodyn.vision.foreground.covered import Covered
 from monodyn.vision.foreground.masks import VARIED, GeomColours
 from monodyn.vision.foreground.palette import VARIED_TRUST, choose_palette, lingering, measured_palette
 from pictures import WHOLE, H, W, samples, wandering
@@ -43,7 +44,7 @@ def test_pixels_never_uncovered_are_not_trusted() -> None:
     covered = [np.zeros((H, W), bool) for _ in made]
     for frame, mask in zip(made, covered, strict=True):
         mask[20:40, 30 + frame.index % 3 : 50 + frame.index % 3] = True
-    background = background_of(samples(made), covered, fallback=first)
+    background = background_of(samples(made), Covered(covered), fallback=first)
     assert not background.known[30, 40]
     palette = choose_palette(
         made,

@@ -11,6 +11,7 @@ from monodyn.errors import VideoError
 from monodyn.stages import segment
 from monodyn.types import FULL
 from monodyn.vision.clip.video import read
+from monodyn.vision.foreground.covered import Covered
 from monodyn.vision.foreground.masks import VARIED, GeomColours
 from monodyn.vision.foreground.soft import SoftMasks
 from support import ClipMaker, refuses
@@ -88,7 +89,7 @@ def test_a_background_that_is_cleared_of_a_little_keeps_its_colours(make_clip: C
     covered = [np.zeros((96, 128), bool) for _ in masks.samples.frames]
     for mask in covered:
         mask[60:64, 40:44] = True
-    cleared, refined = masks.cleared(covered), masks.refined(covered)
+    cleared, refined = masks.cleared(Covered(covered)), masks.refined(covered)
     np.testing.assert_array_equal(cleared.palette.colours, masks.palette.colours)
     assert not cleared.background.known[60:64, 40:44].any()
     np.testing.assert_array_equal(cleared.background.known, refined.background.known)

@@ -13,6 +13,7 @@ from monodyn.arrays import median
 from monodyn.cores import on_all_cores
 from monodyn.types import Frame
 from monodyn.vision.clip.repeats import NO_REPEATS, Repeats
+from monodyn.vision.foreground.covered import Covered, shrunk
 from monodyn.vision.foreground.parts import Parts
 from monodyn.vision.foreground.thumbnails import Thumbnails, Window
 
@@ -116,14 +117,13 @@ class Samples:
 
 
 def background_of(
-    samples: Samples, covered: Sequence[np.ndarray] | None = None, *, fallback: Background | None = None
+    samples: Samples, covered: Covered | None = None, *, fallback: Background | None = None
 ) -> Background:
     """Take the robust per-pixel median of sample frames.
 
     Args:
         samples: Frames of the clip.
-        covered: For each sample the pixels that the mechanism covers, bool (height, width); they do not
-            count.
+        covered: The pixels of each sample that the mechanism covers; they do not count.
         fallback: Background for the pixels that are covered in every sample; they stay unknown.
 
     Returns:
@@ -138,7 +138,7 @@ def background_of(
     if fallback is not None:
         grey = np.where(known, grey, fallback.luma)
         if chroma is not None and fallback.chroma is not None:
-            known_small = _shrink(known, chroma[0].shape)
+            known_small = shrunk(known, chroma[0].shape)
             blue, red = (
                 np.where(known_small, new, old) for new, old in zip(chroma, fallback.chroma, strict=True)
             )
@@ -173,58 +173,40 @@ def _over_all(planes: Sequence[np.ndarray], *, noise: bool = True) -> list[np.nd
     return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
 
-def _uncovered(samples: Samples, covered: Sequence[np.ndarray]) -> Medians:
+def _uncovered(samples: Samples, covered: Covered) -> Medians:
     """Return what the pixels show over the frames in which they are not covered.
 
     Only the pixels that are covered in some frame are counted again.
     """
-    from monodyn.vision.foreground.median import masked_median
-
-    frames, (luma, deviation, count, chroma) = samples.frames, samples.medians
+    luma, deviation, count, chroma = samples.medians
     luma, deviation, count = luma.copy(), deviation.copy(), count.copy()
-
-    def again(
-        planes: Sequence[np.ndarray], hidden: Sequence[np.ndarray], at: np.ndarray, *, noise: bool = True
-    ) -> list[np.ndarray]:
-        """Return median, noise and count at some of the pixels, each (pixel,)."""
-        pixels = np.flatnonzero(at)
-
-        def counted(first: int) -> list[np.ndarray]:
-            some = pixels[first : first + AT_ONCE]
-            stack, masks = (
-                np.stack([one.take(some) for one in ones])[:, np.newaxis] for ones in (planes, hidden)
-            )
-            return [found[0] for found in masked_median(stack, masks, noise)]
-
-        # of a large picture the pixels of all frames at once would fill the memory
-        parts = on_all_cores(counted, range(0, max(len(pixels), 1), AT_ONCE))
-        return [np.concatenate(part) for part in zip(*parts, strict=True)]
-
-    somewhere = any_of(covered)
-    luma[somewhere], deviation[somewhere], count[somewhere] = again(
-        [frame.luma for frame in frames], covered, somewhere
-    )
+    found = _again([frame.luma for frame in samples.frames], covered)
+    for plane, values in zip((luma, deviation, count), found, strict=True):
+        covered.part(plane)[covered.anywhere] = values
     if chroma is not None:
-        size = chroma[0].shape
-        small = on_all_cores(lambda mask: _shrink(mask, size), covered)
-        somewhere = any_of(small)
-        colours = [frame.chroma for frame in frames if frame.chroma is not None]
+        small = covered.of_samples(luma.shape, chroma[0].shape)
+        colours = [frame.chroma for frame in samples.frames if frame.chroma is not None]
         chroma = (chroma[0].copy(), chroma[1].copy())
         for target, planes in zip(chroma, zip(*colours, strict=True), strict=True):
-            target[somewhere] = again(planes, small, somewhere, noise=False)[0]
+            small.part(target)[small.anywhere] = _again(planes, small, noise=False)[0]
     return Medians(luma, deviation, count, chroma)
 
 
-def any_of(masks: Sequence[np.ndarray]) -> np.ndarray:
-    """Return where any of some masks is set, bool (height, width); they are not copied together first.
+def _again(planes: Sequence[np.ndarray], covered: Covered, *, noise: bool = True) -> list[np.ndarray]:
+    """Return median, noise and count of the pixels of planes that some of them do not show, each (pixel,)."""
+    from monodyn.vision.foreground.median import masked_median
 
-    Args:
-        masks: The masks, bool (height, width) each.
-    """
-    somewhere = np.zeros_like(masks[0])
-    for mask in masks:
-        np.logical_or(somewhere, mask, out=somewhere)
-    return somewhere
+    pixels, inside = covered.pixels(planes[0].shape[1]), np.flatnonzero(covered.anywhere)
+
+    def counted(first: int) -> list[np.ndarray]:
+        some = slice(first, first + AT_ONCE)
+        stack = np.stack([plane.take(pixels[some]) for plane in planes])
+        hidden = np.stack([mask.take(inside[some]) for mask in covered.masks])
+        return [found[0] for found in masked_median(stack[:, np.newaxis], hidden[:, np.newaxis], noise)]
+
+    # of a large picture the pixels of all frames at once would fill the memory
+    parts = on_all_cores(counted, range(0, max(len(pixels), 1), AT_ONCE))
+    return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
 
 def _smooth_deviation(deviation: np.ndarray) -> np.ndarray:
@@ -251,11 +233,3 @@ def within(background: Background, window: Window, others: np.ndarray | None) ->
     # what shows other things may hide the mechanism: nothing is known of it there
     known = background.known if others is None else background.known & ~others
     return replace(background, known=known, window=window, others=others)
-
-
-def _shrink(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Reduce a mask to the chroma planes; a pixel is set when any of its parts is."""
-    import cv2
-
-    full = mask.view(np.uint8) * np.uint8(255)
-    return cv2.resize(full, (shape[1], shape[0]), interpolation=cv2.INTER_AREA) > 0

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from monodyn.cores import on_all_cores
 from monodyn.types import Frame
 from monodyn.vision.foreground.background import CHANGED_NOISE, Background
+from monodyn.vision.foreground.covered import whole_samples
 from monodyn.vision.foreground.shadow import Shadow, in_shadow
 from monodyn.vision.foreground.thinned import spacing, thinned, thinning
+from monodyn.vision.foreground.thumbnails import Window
 
 if TYPE_CHECKING:
     from monodyn.vision.foreground.inner import Scenery
@@ -31,6 +33,8 @@ PICKED = 500
 """Pixels of such a sample that are enough for its colours."""
 LEAST_CORE = 20
 """Pixels inside of what moves below which all that move count."""
+MARGIN_PX = 5
+"""Margin of the part in which anything moves: a still pixel, and a sample of the colours [px]."""
 AROUND_PX = 90
 """Longer side of the picture of the surroundings, at most [px]."""
 
@@ -89,54 +93,87 @@ def moving_pixels(
 
     from monodyn.vision.foreground.inner import fill_moving
 
-    behind, shape = _scenery(samples, background, grey_only, contrast), background.luma.shape
-    part, least = _margined(background), (float(contrast), CHANGED_NOISE)
+    part, least = _part(background), (float(contrast), CHANGED_NOISE)
+    behind = _scenery(samples, background, grey_only, contrast, part)
 
     def picked(number: int) -> np.ndarray:
         """Return the pixels of one sample, (pixel, column)."""
-        frame, moving = samples[number], np.zeros(shape, np.uint8)
-        # enlarged as the coverage is
-        small = () if grey_only else frame.chroma or ()
-        tint = np.zeros((len(small), *(shape if small else (1, 1))), np.uint8)
-        for plane, out in zip(small, tint, strict=True):
-            cv2.resize(plane, shape[::-1], dst=out, interpolation=cv2.INTER_LINEAR)
-        planes = [frame.luma, *tint]
-        fill_moving(frame.luma, tint, behind, least, moving)
+        frame = samples[number]
+        luma, *planes = part.cut(frame.luma, None if grey_only else frame.chroma)
+        tint, moving = np.stack(planes) if planes else np.zeros((0, 1, 1), np.uint8), np.zeros_like(luma)
+        fill_moving(luma, tint, behind, least, moving)
         if shadow is not None:
-            moving[in_shadow(frame, background, shadow)] = 0
+            moving[in_shadow(frame, background, shadow)[part.whole]] = 0
         # pixels at an edge are mixed with the background; only a thin mechanism has no others
-        core = cv2.erode(moving[part], np.ones((3, 3), np.uint8))
-        inner = core if cv2.countNonZero(core) >= LEAST_CORE else moving[part]
+        core = cv2.erode(moving, np.ones((3, 3), np.uint8))
+        inner = core if cv2.countNonZero(core) >= LEAST_CORE else moving
         at = cv2.findNonZero(inner).reshape(-1, 2) if inner.any() else np.zeros((0, 2), np.int32)
         x, y = at[:: max(1, len(at) // PICKED)].T
-        y, x = y + part[0].start, x + part[1].start
+        planes = [luma, *tint]
         blank = [np.zeros(len(y))] * (3 - len(planes))
         shown = [plane[y, x] for plane in planes] + blank
         back = [plane[y, x] for plane in (behind.luma, *behind.chroma)] + blank
         return np.column_stack([*shown, *back, np.full(len(y), number)]).astype(np.float64)
 
     rows = range(0, len(samples), spacing(len(samples), PICKED_FRAMES))
-    return np.concatenate(on_all_cores(picked, rows, most=max(1, PIXELS_AT_ONCE // (shape[0] * shape[1]))))
+    most = max(1, PIXELS_AT_ONCE // background.luma.size)
+    return np.concatenate(on_all_cores(picked, rows, most=most))
 
 
-def _scenery(samples: Sequence[Frame], background: Background, grey_only: bool, contrast: float) -> Scenery:
-    """Return what the samples are compared with."""
+def _scenery(
+    samples: Sequence[Frame], background: Background, grey_only: bool, contrast: float, part: _Part
+) -> Scenery:
+    """Return what a part of the samples is compared with."""
     from monodyn.vision.foreground.inner import Scenery
 
     shape = background.luma.shape
-    luma, *chroma = full_size(background.luma, None if grey_only else background.chroma)
+    luma, *chroma = part.cut(background.luma, None if grey_only else background.chroma)
     tint = np.stack(chroma) if chroma else np.zeros((0, 1, 1), np.float32)
-    del chroma
     around = np.stack(surroundings(samples, background, contrast))
     rows, columns = (np.arange(shape[k]) * around.shape[k + 1] // shape[k] for k in (0, 1))
-    noise = np.broadcast_to(background.pixel_noise, shape)
-    return Scenery(luma, tint, around, noise, background.counts, background.window, rows, columns)
+    noise = np.ascontiguousarray(np.broadcast_to(background.pixel_noise, shape)[part.whole])
+    counts = np.ascontiguousarray(background.counts[part.whole])
+    (top, bottom, left, right), (above, _, before, _) = background.window, part.window
+    inside = Window(top - above, bottom - above, left - before, right - before)
+    return Scenery(luma, tint, around, noise, counts, inside, rows[part.whole[0]], columns[part.whole[1]])
 
 
-def _margined(background: Background) -> tuple[slice, slice]:
-    """Return rows and columns of the part in which anything moves, and of a still pixel around it."""
+class _Part(NamedTuple):
+    """The part of a picture in which anything moves, with a margin, to whole samples of the colours.
+
+    Attributes:
+        window: Its place in the picture.
+        whole: Its rows and columns.
+        small: The same in the planes of the colours.
+    """
+
+    window: Window
+    whole: tuple[slice, slice]
+    small: tuple[slice, slice]
+
+    def cut(self, luma: np.ndarray, chroma: tuple[np.ndarray, np.ndarray] | None) -> list[np.ndarray]:
+        """Return the part of the planes of a picture, colours at full size, (row, column) each."""
+        import cv2
+
+        grey = np.ascontiguousarray(luma[self.whole])
+        small = [plane[self.small] for plane in chroma or ()]
+        # as the coverage is enlarged
+        return [grey, *(cv2.resize(p, grey.shape[::-1], interpolation=cv2.INTER_LINEAR) for p in small)]
+
+
+def _part(background: Background) -> _Part:
+    """Return the part of the pictures of a background in which anything moves."""
     top, bottom, left, right = background.window
-    return slice(max(0, top - 1), bottom + 1), slice(max(0, left - 1), right + 1)
+    around = Window(top - MARGIN_PX, bottom + MARGIN_PX, left - MARGIN_PX, right + MARGIN_PX)
+    shape = background.luma.shape
+    small = shape if background.chroma is None else background.chroma[0].shape
+    window = whole_samples(around, shape, small)
+    whole = slice(window.top, window.bottom), slice(window.left, window.right)
+    rows, columns = (
+        slice(w.start * size // full, w.stop * size // full)
+        for w, size, full in zip(whole, small, shape, strict=True)
+    )
+    return _Part(window, whole, (rows, columns))
 
 
 def surroundings(samples: Sequence[Frame], background: Background, contrast: float) -> list[np.ndarray]:

@@ -60,7 +60,7 @@ def fill_moving(
         for c in range(chroma.shape[0]):
             _add_squares(chroma[c, y][left:right], behind.chroma[c, y][left:right], squares)
         noise, counts, marks = behind.noise[y][left:right], behind.counts[y][left:right], out[y][left:right]
-        _mark_changed(squares, noise, counts, (contrast, noises), marks)
+        _mark_changed(squares, noise, counts, contrast, noises, marks)
         near, columns = behind.around[:, behind.rows[y]], behind.columns[left:right]
         shown = (luma[y][left:right], chroma[:, y, left:right])
         usual = (behind.luma[y][left:right], behind.chroma[:, y, left:right])
@@ -85,10 +85,14 @@ def _add_squares(row: np.ndarray, behind: np.ndarray, squares: np.ndarray) -> No
 
 @njit(cache=True, nogil=True, **UNCOUNTED)
 def _mark_changed(
-    squares: np.ndarray, noise: np.ndarray, counts: np.ndarray, least: tuple[float, float], marks: np.ndarray
+    squares: np.ndarray,
+    noise: np.ndarray,
+    counts: np.ndarray,
+    contrast: np.float32,
+    noises: np.float32,
+    marks: np.ndarray,
 ) -> None:
     """Fill ``marks`` with whether the pixels of a row have changed, (pixel,)."""
-    contrast, noises = least
     for x in range(len(squares)):
         deviation = noises * noise[x]
         deviation = deviation if deviation > contrast else contrast
@@ -103,7 +107,7 @@ def _unmark(
     columns: np.ndarray,
     marks: np.ndarray,
 ) -> None:
-    """Unmark the pixels of a row that are more like what is around, (channel, column), than their background is.
+    """Unmark pixels of a row that are more like what is around, (channel, column), than their background is.
 
     ``shown`` and ``usual`` are grey levels (pixel,) and colours (channel, pixel).
     """

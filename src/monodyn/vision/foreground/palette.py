@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monodyn.arrays import medians
 from monodyn.cores import on_all_cores
 from monodyn.errors import VideoError
 from monodyn.types import FULL, Frame
@@ -26,9 +27,11 @@ from monodyn.vision.foreground.changes import (
     moving_pixels,
     surroundings,
 )
+from monodyn.vision.foreground.covered import Covered, whole_samples
 from monodyn.vision.foreground.masks import LEFT_OUT, NOT_SHOWN, VARIED, GeomColours, View, plain_view
 from monodyn.vision.foreground.shadow import Shadow, find_shadow
 from monodyn.vision.foreground.thinned import at_pixels
+from monodyn.vision.foreground.thumbnails import Window
 
 CHROMA_WEIGHT = 0.25
 """Weight of a colour difference against a grey difference: a chroma sample covers four pixels."""
@@ -141,11 +144,11 @@ def choose_palette(samples: Sequence[Frame], background: Background, colour: str
             f"background by more than {contrast:.2g} grey levels; give a clip that shows motion, or a lower "
             "--segment.contrast."
         )
-    colours = _clusters(pixels, grey_only, contrast)
-    if colour == "auto" and not grey_only:
-        grey_only = _grey_suffices(pixels, colours, contrast)
-        if grey_only:
-            colours = _clusters(pixels, True, contrast)
+    ways = [grey_only, True] if colour == "auto" and not grey_only else [grey_only]
+    found = on_all_cores(lambda grey: _clusters(pixels, grey, contrast), ways)
+    colours = found[0]
+    if len(ways) > 1 and _grey_suffices(pixels, colours, contrast):
+        grey_only, colours = True, found[1]
     varied = _is_varied(pixels, colours, grey_only)
     palette = _palette(colours, background, grey_only, VARIED_TRUST if varied else None)
     return replace(palette, varied=varied, contrast=contrast, shadow=shadow)
@@ -209,7 +212,7 @@ def _is_varied(pixels: np.ndarray, colours: np.ndarray, grey_only: bool) -> bool
     return float(np.percentile(shares, 20.0)) > VARIED_SHARE
 
 
-def lingering(samples: Sequence[Frame], background: Background, palette: Palette) -> list[np.ndarray]:
+def lingering(samples: Sequence[Frame], background: Background, palette: Palette) -> Covered | None:
     """Find where the first background shows the mechanism itself, because it stays there most of the time.
 
     Args:
@@ -218,16 +221,16 @@ def lingering(samples: Sequence[Frame], background: Background, palette: Palette
         palette: Colours of the mechanism.
 
     Returns:
-        For each sample the pixels of such places that look like the mechanism, bool (height, width).
+        The pixels of such places that look like the mechanism, for each sample; None without any.
     """
-    around = surroundings(samples, background, palette.contrast)
+    still = surroundings(samples, background, palette.contrast)
     shape, near = background.luma.shape, NEAR_COLOUR * palette.contrast
     # what is not of its grey level need not be looked at, nor most of the other pictures
     suspect = np.zeros(shape, dtype=np.bool_)
     for grey in palette.colours[:, 0].astype(np.float32):
         suspect |= np.abs(background.luma - grey) < near
     rows, columns = np.nonzero(suspect)
-    usual = at_pixels(around, shape, rows, columns)
+    usual = at_pixels(still, shape, rows, columns)
 
     def looks_like(picture: Frame | Background) -> np.ndarray:
         """Return at which of the pixels a picture is near a colour of the mechanism, and nearer than to what
@@ -239,11 +242,14 @@ def lingering(samples: Sequence[Frame], background: Background, palette: Palette
 
     likely = looks_like(background)
     rows, columns, usual = rows[likely], columns[likely], [plane[likely] for plane in usual]
-    found = [np.zeros(shape, dtype=np.bool_) for _ in samples]
-    if len(rows):
-        for mask, like in zip(found, on_all_cores(looks_like, samples), strict=True):
-            mask[rows, columns] = like
-    return found
+    if not len(rows):
+        return None
+    small = None if background.chroma is None else background.chroma[0].shape
+    extent = Window(int(rows.min()), int(rows.max()) + 1, int(columns.min()), int(columns.max()) + 1)
+    window = whole_samples(extent, shape, small)
+    found = np.zeros((len(samples), window.bottom - window.top, window.right - window.left), dtype=np.bool_)
+    found[:, rows - window.top, columns - window.left] = on_all_cores(looks_like, samples)
+    return Covered(list(found), window)
 
 
 def _clusters(pixels: np.ndarray, grey_only: bool, contrast: float) -> np.ndarray:
@@ -265,7 +271,7 @@ def _clusters(pixels: np.ndarray, grey_only: bool, contrast: float) -> np.ndarra
     centres: list[np.ndarray] = []
     sizes: list[int] = []
     for group in groups:
-        centre = np.median(group, axis=0)
+        centre = medians(group)
         near = [i for i, other in enumerate(centres) if np.linalg.norm(other - centre) < MERGED * contrast]
         if near:
             i = near[0]

@@ -320,7 +320,8 @@ def _detail_shown(samples: list[_Sample], shadows: list[np.ndarray]) -> tuple[fl
         sample, shadow = pair
         rows, columns = np.flatnonzero(shadow.any(axis=1)), np.flatnonzero(shadow.any(axis=0))
         if not len(rows):
-            return (np.zeros(0, np.float32),) * 3
+            nothing = np.zeros(0, np.float32)
+            return nothing, nothing, nothing
         # what is farther away than a window is in none
         cut = (_grown(rows, DETAIL), _grown(columns, DETAIL))
         shadow, ratio, behind = shadow[cut], sample.ratio[cut], sample.behind[cut]

@@ -19,7 +19,8 @@ from monodyn.markup import counted
 from monodyn.types import Frame, Mask, Progress
 from monodyn.vision.clip.steady import NO_PARALLAX, Parallax, displaced
 from monodyn.vision.clip.video import Video, read
-from monodyn.vision.foreground.background import Background, Samples, any_of, background_of, within
+from monodyn.vision.foreground.background import Background, Samples, background_of, within
+from monodyn.vision.foreground.covered import Covered
 from monodyn.vision.foreground.light import Light, in_one_light, light_of
 from monodyn.vision.foreground.masks import GeomColours, View
 from monodyn.vision.foreground.palette import (
@@ -181,20 +182,20 @@ class SoftMasks(Sampled):
                 displaced(one[np.newaxis].astype(np.uint8), self.away(frame.index))[0] > 0
                 for frame, one in zip(self.samples.frames, covered, strict=True)
             ]
-        background, settings = self._uncovered(covered), self.settings
+        background, settings = self._uncovered(Covered(covered)), self.settings
         palette = choose_palette(self.samples.frames, background, settings.colour, settings.contrast)
         return replace(self, background=background, palette=palette)
 
-    def cleared(self, covered: Sequence[np.ndarray]) -> SoftMasks:
+    def cleared(self, covered: Covered) -> SoftMasks:
         """Return the masks over a background from which a little is taken out: the colours stay.
 
         Args:
-            covered: For each of the sample frames the pixels that do not count, bool (height, width).
+            covered: The pixels of each of the sample frames that do not count.
         """
         background = self._uncovered(covered)
         return replace(self, background=background, palette=palette_over(self.palette, background))
 
-    def _uncovered(self, covered: Sequence[np.ndarray]) -> Background:
+    def _uncovered(self, covered: Covered) -> Background:
         """Return the background from what is not covered; one that was given stays."""
         if self.background.given:
             return self.background
@@ -240,12 +241,11 @@ def _masks_over(
         return masks
     # a mechanism that rests most of the time is part of the first background: it is taken out of it once
     covered = lingering(samples.frames, background, palette)
-    anywhere = int(np.count_nonzero(any_of(covered)))
-    if not anywhere:
+    if covered is None or not covered.anywhere.any():
         return masks
     top, bottom, left, right = background.window
-    few = anywhere < FEW_LINGER * (bottom - top) * (right - left)
-    return masks.cleared(covered) if few else masks.refined(covered)
+    few = np.count_nonzero(covered.anywhere) < FEW_LINGER * (bottom - top) * (right - left)
+    return masks.cleared(covered) if few else masks.refined(covered.whole(background.luma.shape))
 
 
 def _given(picture: str | Path, video: Video, samples: Samples) -> Background:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monodyn.arrays import medians
+from monodyn.cores import on_all_cores
 from monodyn.types import Frame
 
 SHRINK = 4.0
@@ -73,7 +74,8 @@ class Thumbnails:
     @cached_property
     def ranges(self) -> np.ndarray:
         """By how much each cell changes, uint8 (channel, height, width)."""
-        return self.planes.max(axis=0) - self.planes.min(axis=0)
+        channels = self.planes.swapaxes(0, 1)
+        return np.stack(on_all_cores(lambda plane: plane.max(axis=0) - plane.min(axis=0), channels))
 
     @cached_property
     def still(self) -> float:
@@ -182,18 +184,20 @@ def _prelude(unlike: np.ndarray, changing: np.ndarray) -> int:
 
 def _differs(thumbnails: Thumbnails, levels: tuple[float, ...]) -> list[np.ndarray]:
     """Return in which frames much of what is usually still is off by more than each level, bool (frame,)."""
+    from monodyn.vision.foreground.places import count_unlike
+
     count = len(thumbnails.number)
     # the planes follow one another: cut first, they would be copied whole
     cells = thumbnails.planes[0, 0].size
-    grey = thumbnails.planes.reshape(count, -1)[:, : cells : max(1, cells // PROBED_PIXELS)]
-    grey = grey.astype(np.float32)
-    few = grey[:: max(1, count // PROBED_FRAMES)]
+    grey = thumbnails.planes.reshape(count, -1)[:, : cells : max(1, cells // PROBED_PIXELS)].copy()
+    few = grey[:: max(1, count // PROBED_FRAMES)].astype(np.float32)
     usual = medians(few)
-    still = medians(np.abs(few - usual)) < STILL_DEVIATION
+    few -= usual
+    still = medians(np.abs(few, out=few)) < STILL_DEVIATION
     # where nothing is usually still, there is nothing to compare with
     if np.mean(still) < CHANGED_SHARE:
         return [np.zeros(count, dtype=bool) for _ in levels]
-    change = grey[:, still]
-    change -= usual[still]
-    np.abs(change, out=change)
-    return [np.count_nonzero(change > level, axis=1) > CHANGED_SHARE * still.sum() for level in levels]
+    found = np.zeros((len(levels), count), dtype=np.int64)
+    for level, unlike in zip(levels, found, strict=True):
+        count_unlike(grey, usual, np.where(still, level, np.inf).astype(np.float32), unlike)
+    return list(found > CHANGED_SHARE * np.count_nonzero(still))

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.cores import on_all_cores
 from monodyn.errors import VideoError
 from monodyn.types import Frame, Progress
 from monodyn.vision.clip.homography import Homography, at_rest
@@ -88,23 +87,19 @@ def camera_moves(samples: Sequence[Frame], key: Key) -> bool | None:
         key: One of them as a key picture.
     """
     compared = np.unique(np.linspace(0, len(samples) - 1, COMPARED).astype(int))
-
-    def elsewhere(sample: int) -> bool | None:
-        """Return whether one of the frames shows the scene in another place; None where it does not show it."""
-        pictures = pyramid(samples[sample].luma)
+    moved = still = 0
+    for i in compared:
+        pictures = pyramid(samples[i].luma)
         found = align(pictures, key, key.at)
         if not found.known:
-            return None
+            continue
         if found.at.apart(key.at) <= max(MOVED_PX, MOVED_STDS * found.std):
-            return False
+            still += 1
+            continue
         # before a bare wall the mechanism and the noise around it may pass for a scene, and the motion of the
         # mechanism for one of the camera; but most blocks then hold noise alone, which no displacement makes
         # match the key picture better
-        alike = more_alike_blocks(pictures[-1], key.levels[-1], found.at, key.at) >= WIDESPREAD
-        return True if alike else None
-
-    found = on_all_cores(elsewhere, compared.tolist())
-    moved, still = found.count(True), found.count(False)
+        moved += more_alike_blocks(pictures[-1], key.levels[-1], found.at, key.at) >= WIDESPREAD
     if moved >= LEAST_MOVED:
         return True
     return False if still >= LEAST_STILL * len(compared) else None

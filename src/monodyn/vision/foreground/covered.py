@@ -1,0 +1,114 @@
+"""Which pixels of some frames do not show the background, within the part of the picture where that is so."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from monodyn.cores import on_all_cores
+from monodyn.vision.foreground.thumbnails import Window
+
+
+class Covered:
+    """What covers the background in each of some frames.
+
+    Args:
+        masks: For each frame the covered pixels of the part, bool (row, column).
+        window: The part of the picture outside of which none is covered; None for all of it. Where frames
+            have colours it is of ``whole_samples`` of them.
+    """
+
+    def __init__(self, masks: Sequence[np.ndarray], window: Window | None = None) -> None:
+        self.masks = masks
+        self.window = window or Window(0, masks[0].shape[0], 0, masks[0].shape[1])
+
+    @cached_property
+    def anywhere(self) -> np.ndarray:
+        """Where any frame is covered, bool (row, column); the masks are not copied together first."""
+        somewhere = np.zeros_like(self.masks[0])
+        for mask in self.masks:
+            np.logical_or(somewhere, mask, out=somewhere)
+        return somewhere
+
+    def part(self, plane: np.ndarray) -> np.ndarray:
+        """Return the part of a plane of the picture, (row, column).
+
+        Args:
+            plane: The plane, (height, width).
+        """
+        top, bottom, left, right = self.window
+        return plane[top:bottom, left:right]
+
+    def pixels(self, width: int) -> np.ndarray:
+        """Return which pixels of the picture are covered in any frame, counted row by row, int (pixel,).
+
+        Args:
+            width: Width of the picture [px].
+        """
+        rows, columns = np.nonzero(self.anywhere)
+        return (self.window.top + rows) * width + self.window.left + columns
+
+    def whole(self, shape: tuple[int, ...]) -> list[np.ndarray]:
+        """Return the masks of the whole picture, bool (height, width) each.
+
+        Args:
+            shape: Its height and width [px].
+        """
+        found = [np.zeros(shape, dtype=np.bool_) for _ in self.masks]
+        for full, mask in zip(found, self.masks, strict=True):
+            self.part(full)[:] = mask
+        return found
+
+    def of_samples(self, shape: tuple[int, ...], small: tuple[int, ...]) -> Covered:
+        """Return what covers the samples of the colours: one is covered where any of its pixels is.
+
+        Args:
+            shape: Height and width of the picture [px].
+            small: The same of the planes of its colours.
+        """
+        (down, across), (top, bottom, left, right) = _pixels_of_a_sample(shape, small), self.window
+        window = Window(round(top / down), round(bottom / down), round(left / across), round(right / across))
+        size = window.bottom - window.top, window.right - window.left
+        return Covered(on_all_cores(lambda mask: shrunk(mask, size), self.masks), window)
+
+
+def whole_samples(window: Window, shape: tuple[int, ...], small: tuple[int, ...] | None) -> Window:
+    """Return the part of a picture around a window that is of whole samples of its colours.
+
+    Args:
+        window: The window; what of it is outside of the picture is left out.
+        shape: Height and width of the picture [px].
+        small: The same of the planes of its colours, or None without any; where a sample of them is not of
+            whole pixels, all of the picture is returned.
+    """
+    height, width = shape
+    down, across = _pixels_of_a_sample(shape, small or shape)
+    if down % 1 or across % 1:
+        return Window(0, height, 0, width)
+    down, across = int(down), int(across)
+    top, left = max(0, window.top) // down * down, max(0, window.left) // across * across
+    bottom, right = -(-min(height, window.bottom) // down), -(-min(width, window.right) // across)
+    return Window(top, bottom * down, left, right * across)
+
+
+def shrunk(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Reduce a mask; a pixel is set where any of its parts is.
+
+    Args:
+        mask: The mask, bool (height, width).
+        shape: Height and width of the reduced one.
+
+    Returns:
+        The reduced mask, bool.
+    """
+    import cv2
+
+    full = mask.view(np.uint8) * np.uint8(255)
+    return cv2.resize(full, (shape[1], shape[0]), interpolation=cv2.INTER_AREA) > 0
+
+
+def _pixels_of_a_sample(shape: tuple[int, ...], small: tuple[int, ...]) -> tuple[float, float]:
+    """Return how many rows and columns of a picture a sample of its colours is of."""
+    return shape[0] / small[0], shape[1] / small[1]
