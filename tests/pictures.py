@@ -11,8 +11,10 @@ from monodyn.mechanism import Mechanism
 from monodyn.types import FULL, Camera, Frame
 from monodyn.vision.drawing.camera import pixels
 from monodyn.vision.drawing.outline import outline
-from monodyn.vision.foreground.background import Samples, Window
+from monodyn.vision.foreground.background import Background, Samples, Window
 from monodyn.vision.foreground.masks import View, plain_view
+from monodyn.vision.foreground.moving_colours import moving_colours
+from monodyn.vision.foreground.palette import Palette, palette_of
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 
 CAMERA = Camera(320, 240, 300.0, x=0.05, y=-0.1, depth=0.9)
@@ -129,3 +131,8 @@ def drawn_frames(mechanism: Mechanism, camera: Camera, poses: np.ndarray) -> Key
 def root_in(camera: Camera) -> np.ndarray:
     """Return where the origin of the plane is seen [px]."""
     return pixels(camera, np.zeros((1, 3)))[0]
+
+
+def palette_found(frames: Sequence[Frame], background: Background, colour: str, contrast: float) -> Palette:
+    """Find the colours of what moves, and their contrast with the background."""
+    return palette_of(moving_colours(frames, background, colour, contrast), background)

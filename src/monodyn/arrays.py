@@ -179,7 +179,7 @@ def median(values: np.ndarray) -> float:
     """Return what ``numpy.median`` does of all values, those of a picture several times sooner.
 
     Args:
-        values: At least one, of floating point and none of it NaN, of any shape.
+        values: At least one, of floating point and none of it NaN, (row, column) or (row,).
     """
     half = values.size // 2
     # to ask for several places at once takes the slow way

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from monodyn.types import Frame
 from monodyn.vision.foreground.background import background_of, within
-from monodyn.vision.foreground.covered import Covered
+from monodyn.vision.foreground.covered import Covered, whole_samples
 from monodyn.vision.foreground.thumbnails import Window
 from pictures import samples, wandering
 
@@ -47,3 +49,33 @@ def test_pixels_covered_in_a_frame_show_the_others_alone() -> None:
     assert found.chroma is not None
     np.testing.assert_allclose(found.chroma[0][10:20, 5:9], 128, atol=0.51)
     np.testing.assert_allclose(found.chroma[1][10:20, 16:19], 128, atol=0.51)
+
+
+@pytest.mark.parametrize("small", [(30, 40), (30, 20), (29, 40)])
+def test_a_part_that_is_covered_counts_as_in_the_whole_picture(small: tuple[int, int]) -> None:
+    """Samples of the colours of 2x2 and of 2x4 pixels, and such as are not of whole ones."""
+    rng = np.random.default_rng(5)
+    masks = [np.zeros((60, 80), bool) for _ in range(24)]
+    for mask in masks:
+        mask[13:28, 31:46] = rng.random((15, 15)) < 0.3
+    window = whole_samples(Window(13, 28, 31, 46), (60, 80), small)
+    planes = [tuple(rng.integers(0, 256, small, dtype=np.uint8) for _ in range(2)) for _ in masks]
+    frames = [
+        Frame(i, i / 30, rng.integers(0, 256, (60, 80), dtype=np.uint8), (blue, red))
+        for i, (blue, red) in enumerate(planes)
+    ]
+    parts = [mask[window.top : window.bottom, window.left : window.right] for mask in masks]
+    found = background_of(samples(frames), Covered(parts, window))
+    expected = background_of(samples(frames), Covered(masks))
+    assert found.chroma is not None
+    assert expected.chroma is not None
+    for one, other in ((found.luma, expected.luma), *zip(found.chroma, expected.chroma, strict=True)):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(found.known, expected.known)
+
+
+def test_a_window_of_whole_samples_stays_within_the_picture() -> None:
+    assert whole_samples(Window(-5, 28, 31, 99), (60, 80), (30, 40)) == Window(0, 28, 30, 80)
+    assert whole_samples(Window(13, 28, 31, 46), (60, 80), (30, 20)) == Window(12, 28, 28, 48)
+    assert whole_samples(Window(13, 28, 31, 46), (60, 80), None) == Window(13, 28, 31, 46)
+    assert whole_samples(Window(13, 28, 31, 46), (60, 80), (29, 40)) == Window(0, 60, 0, 80)

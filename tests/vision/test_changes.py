@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from monodyn.vision.foreground.background import background_of
-from monodyn.vision.foreground.changes import CHANGED_SHARE, MOST_CONTRAST, least_contrast, moving_pixels
+from monodyn.vision.foreground.changes import (
+    CHANGED_SHARE,
+    MOST_CONTRAST,
+    least_contrast,
+    moving_pixels,
+    surroundings,
+)
 from pictures import samples, wandering
 
 
@@ -19,6 +25,8 @@ def test_a_faint_mechanism_counts_from_a_share_of_its_contrast(level: int, expec
 
 def test_pixels_that_move_show_what_moves() -> None:
     made = wandering()
-    pixels = moving_pixels(made, background_of(samples(made)), True, 14.0, None)
+    background = background_of(samples(made))
+    around = surroundings(made, background, 14.0)
+    pixels = moving_pixels(made, background, around, True, 14.0, None)
     assert np.median(pixels[:, 0]) == pytest.approx(90, abs=2)
     assert np.median(pixels[:, 3]) == pytest.approx(160, abs=3)

@@ -11,9 +11,9 @@ from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import background_of
 from monodyn.vision.foreground.coverage import coverage_of
 from monodyn.vision.foreground.masks import GeomColours
-from monodyn.vision.foreground.palette import BLACK, choose_palette, measured_palette
+from monodyn.vision.foreground.palette import BLACK, measured_palette
 from monodyn.vision.foreground.thumbnails import Window
-from pictures import H, W, samples, wandering
+from pictures import H, W, palette_found, samples, wandering
 
 
 def test_coverage_is_the_share_of_a_mixed_pixel() -> None:

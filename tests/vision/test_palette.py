@@ -12,8 +12,9 @@ from monodyn.vision.foreground.background import Background, background_of
 from monodyn.vision.foreground.coverage import coverage_of
 from monodyn.vision.foreground.covered import Covered
 from monodyn.vision.foreground.masks import VARIED, GeomColours
-from monodyn.vision.foreground.palette import VARIED_TRUST, choose_palette, lingering, measured_palette
-from pictures import WHOLE, H, W, samples, wandering
+from monodyn.vision.foreground.moving_colours import lingering, moving_colours
+from monodyn.vision.foreground.palette import VARIED_TRUST, measured_palette, palette_of
+from pictures import WHOLE, H, W, palette_found, samples, wandering
 
 
 def test_two_colours_are_both_foreground() -> None:
@@ -22,7 +23,7 @@ def test_two_colours_are_both_foreground() -> None:
         x = 5 + 2 * frame.index
         frame.luma[30:40, x : x + 20] = 240
     background = background_of(samples(made))
-    palette = choose_palette(made, background, "grey", 14.0)
+    palette = palette_found(made, background, "grey", 14.0)
     assert sorted(palette.colours[:, 0].round(-1).tolist()) == [90, 240]
     mask = coverage_of(made[10], background, palette).max(axis=0)
     assert mask[22:38, 27:43].min() > 0.9 * FULL
@@ -33,8 +34,8 @@ def test_a_lingering_mechanism_is_not_its_own_background() -> None:
     made = wandering(places=[5 + i for i in range(16)] + [50] * 32, count=48)
     first = background_of(samples(made))
     assert first.luma[30, 60] == pytest.approx(90, abs=2)
-    palette = choose_palette(made, first, "grey", 14.0)
-    second = background_of(samples(made), lingering(made, first, palette), fallback=first)
+    found = moving_colours(made, first, "grey", 14.0)
+    second = background_of(samples(made), lingering(made, first, found), fallback=first)
     assert second.luma[30, 60] == pytest.approx(160, abs=2)
 
 
@@ -46,7 +47,7 @@ def test_pixels_never_uncovered_are_not_trusted() -> None:
         mask[20:40, 30 + frame.index % 3 : 50 + frame.index % 3] = True
     background = background_of(samples(made), Covered(covered), fallback=first)
     assert not background.known[30, 40]
-    palette = choose_palette(
+    palette = palette_found(
         made,
         Background(np.full((H, W), 160, np.float32), None, 1.0, background.known, WHOLE),
         "grey",
@@ -59,7 +60,7 @@ def test_pixels_never_uncovered_are_not_trusted() -> None:
 def test_borders_count_by_the_least_contrast_over_the_noise() -> None:
     frames = wandering(noise=1.0)
     background = background_of(samples(frames))
-    palette = choose_palette(frames, background, "auto", 15.0)
+    palette = palette_found(frames, background, "auto", 15.0)
     grey, one = np.array([[90.0, 128.0, 128.0]]), np.array([0])
     hidden = GeomColours(grey, one, np.array([False]), camouflaged=True)
     found = measured_palette(palette, background, hidden)
@@ -71,3 +72,21 @@ def test_borders_count_by_the_least_contrast_over_the_noise() -> None:
     np.testing.assert_allclose(measured_palette(palette, noisy, hidden).trust[-1].max(), VARIED_TRUST)
     varied = GeomColours(grey, np.array([0, VARIED]), np.array([False, False]), camouflaged=True)
     np.testing.assert_allclose(measured_palette(palette, background, varied).trust[-1].max(), VARIED_TRUST)
+
+
+def test_a_background_that_is_cleared_of_a_little_keeps_its_colours() -> None:
+    made = wandering()
+    first = background_of(samples(made))
+    found = moving_colours(made, first, "grey", 14.0)
+    mask = np.zeros((H, W), bool)
+    mask[50:54, 60:64] = True
+    cleared = background_of(samples(made), Covered([mask] * len(made)), fallback=first)
+    assert not cleared.known[mask].any()
+    np.testing.assert_array_equal(cleared.known | mask, first.known)
+    anew = palette_found(made, cleared, "grey", 14.0)
+    kept = palette_of(found, cleared)
+    np.testing.assert_array_equal(kept.trust > 0, anew.trust > 0)
+    for frame in made:
+        one, other = (coverage_of(frame, cleared, palette).astype(int) for palette in (kept, anew))
+        assert np.abs(one - other).max() <= 0.02 * FULL
+    np.testing.assert_allclose(found.colours[:, 0], anew.colours[:, 0], atol=1.0)

@@ -9,8 +9,8 @@ import pytest
 from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import Background, Samples, Window, background_of, within
 from monodyn.vision.foreground.coverage import coverage_of
-from monodyn.vision.foreground.palette import choose_palette
 from monodyn.vision.foreground.shadow import find_shadow, in_shadow
+from pictures import palette_found
 from support import slow
 
 H, W, LINK, RATIO = 240, 320, 60.0, 0.6
@@ -63,14 +63,14 @@ def test_a_shadow_is_found_and_covers_nothing() -> None:
     shadow = find_shadow(made, background, 14.0)
     assert shadow is not None
     assert shadow.low < RATIO < shadow.high < 0.95
-    palette = choose_palette(made, background, "grey", 14.0)
+    palette = palette_found(made, background, "grey", 14.0)
     # the shadow has levels of 96 and 114
     assert palette.colours[:, 0].max() < 90.0
     cast, plain = made[12], swinging(shadow=False)[12]
     planes = coverage_of(cast, background, palette)[0].astype(float)
     # as without the shadow, over the uncovered background of the clip without it
     without = background_of_all(swinging(shadow=False))
-    expected = coverage_of(plain, without, choose_palette(made, without, "grey", 14.0))[0].astype(float)
+    expected = coverage_of(plain, without, palette_found(made, without, "grey", 14.0))[0].astype(float)
     assert np.abs(planes - expected).mean() < 0.02 * FULL
     assert in_shadow(cast, background, shadow).sum() > 800
 

@@ -11,9 +11,7 @@ from monodyn.errors import VideoError
 from monodyn.stages import segment
 from monodyn.types import FULL
 from monodyn.vision.clip.video import read
-from monodyn.vision.foreground.covered import Covered
 from monodyn.vision.foreground.masks import VARIED, GeomColours
-from monodyn.vision.foreground.soft import SoftMasks
 from support import ClipMaker, refuses
 
 
@@ -81,18 +79,3 @@ def test_measured_colours_are_taken_over(make_clip: ClipMaker) -> None:
     assert view.part.tolist() == [0, 1]
     assert len(view.trust) == 2
     assert len(next(iter(measured)).planes) == 2
-
-
-def test_a_background_that_is_cleared_of_a_little_keeps_its_colours(make_clip: ClipMaker) -> None:
-    masks = segment(read(make_clip(count=30, size=(128, 96))))
-    assert isinstance(masks, SoftMasks)
-    covered = [np.zeros((96, 128), bool) for _ in masks.samples.frames]
-    for mask in covered:
-        mask[60:64, 40:44] = True
-    cleared, refined = masks.cleared(Covered(covered)), masks.refined(covered)
-    np.testing.assert_array_equal(cleared.palette.colours, masks.palette.colours)
-    assert not cleared.background.known[60:64, 40:44].any()
-    np.testing.assert_array_equal(cleared.background.known, refined.background.known)
-    np.testing.assert_array_equal(cleared.palette.trust > 0, refined.palette.trust > 0)
-    for one, other in zip(cleared, refined, strict=True):
-        assert np.abs(one.planes.astype(int) - other.planes).max() <= 0.02 * FULL

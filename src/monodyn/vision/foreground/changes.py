@@ -72,6 +72,7 @@ def least_contrast(samples: Sequence[Frame], background: Background, grey_only: 
 def moving_pixels(
     samples: Sequence[Frame],
     background: Background,
+    around: Sequence[np.ndarray],
     grey_only: bool,
     contrast: float,
     shadow: Shadow | None,
@@ -81,6 +82,7 @@ def moving_pixels(
     Args:
         samples: Frames of the clip.
         background: Its background.
+        around: Grey level and colours of what is around all that moves, each (row, column).
         grey_only: True where colours do not count.
         contrast: Least difference of a pixel that has changed [grey levels].
         shadow: The mechanism's shadow, which does not count.
@@ -94,7 +96,7 @@ def moving_pixels(
     from monodyn.vision.foreground.inner import fill_moving
 
     part, least = _part(background), (float(contrast), CHANGED_NOISE)
-    behind = _scenery(samples, background, grey_only, contrast, part)
+    behind = _scenery(background, np.stack(around), grey_only, part)
 
     def picked(number: int) -> np.ndarray:
         """Return the pixels of one sample, (pixel, column)."""
@@ -120,16 +122,13 @@ def moving_pixels(
     return np.concatenate(on_all_cores(picked, rows, most=most))
 
 
-def _scenery(
-    samples: Sequence[Frame], background: Background, grey_only: bool, contrast: float, part: _Part
-) -> Scenery:
+def _scenery(background: Background, around: np.ndarray, grey_only: bool, part: _Part) -> Scenery:
     """Return what a part of the samples is compared with."""
     from monodyn.vision.foreground.inner import Scenery
 
     shape = background.luma.shape
     luma, *chroma = part.cut(background.luma, None if grey_only else background.chroma)
     tint = np.stack(chroma) if chroma else np.zeros((0, 1, 1), np.float32)
-    around = np.stack(surroundings(samples, background, contrast))
     rows, columns = (np.arange(shape[k]) * around.shape[k + 1] // shape[k] for k in (0, 1))
     noise = np.ascontiguousarray(np.broadcast_to(background.pixel_noise, shape)[part.whole])
     counts = np.ascontiguousarray(background.counts[part.whole])

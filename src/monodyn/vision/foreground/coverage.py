@@ -47,7 +47,7 @@ def coverage_of(
     Args:
         frame: The picture.
         background: What it shows without the mechanism.
-        palette: Colours and scale from ``choose_palette``.
+        palette: Colours and scale from ``palette_of``.
         window: Part of the picture that is wanted; None for all of it.
 
     Returns:

@@ -50,17 +50,6 @@ class Covered:
         rows, columns = np.nonzero(self.anywhere)
         return (self.window.top + rows) * width + self.window.left + columns
 
-    def whole(self, shape: tuple[int, ...]) -> list[np.ndarray]:
-        """Return the masks of the whole picture, bool (height, width) each.
-
-        Args:
-            shape: Its height and width [px].
-        """
-        found = [np.zeros(shape, dtype=np.bool_) for _ in self.masks]
-        for full, mask in zip(found, self.masks, strict=True):
-            self.part(full)[:] = mask
-        return found
-
     def of_samples(self, shape: tuple[int, ...], small: tuple[int, ...]) -> Covered:
         """Return what covers the samples of the colours: one is covered where any of its pixels is.
 
@@ -101,7 +90,7 @@ def shrunk(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
         shape: Height and width of the reduced one.
 
     Returns:
-        The reduced mask, bool.
+        The reduced mask, bool (row, column).
     """
     import cv2
 

@@ -71,7 +71,7 @@ class Shadow:
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """A reduced sample: ratio to the background, whether it moves, and whether it may be shadow."""
+    """A reduced sample: ratio to the background where it moves, whether it does, and may be shadow."""
 
     ratio: np.ndarray
     behind: np.ndarray
@@ -208,12 +208,13 @@ def _wall(background: Background, contrast: float, step: int) -> _Wall:
 def _reduced(frame: Frame, wall: _Wall, step: int) -> _Sample:
     """Return every ``step``-th pixel of a sample, to both sides."""
     luma, *tint = thinned(frame.luma, frame.chroma, step)
-    ratio = luma / np.maximum(wall.grey, 1.0)
     moves = np.abs(luma - wall.grey) > wall.least
-    darkened = moves & (ratio > DEEPEST) & (ratio < LIT)
-    at = np.nonzero(darkened)
+    ratio, darkened, at = np.zeros_like(luma), np.zeros_like(moves), np.nonzero(moves)
+    share = luma[at] / np.maximum(wall.grey[at], 1.0)
+    dark = (share > DEEPEST) & (share < LIT)
     for shown, back in zip(tint, wall.tint, strict=False):
-        darkened[at] &= np.abs(shown[at] - GREY - ratio[at] * (back[at] - GREY)) < TINT
+        dark &= np.abs(shown[at] - GREY - share * (back[at] - GREY)) < TINT
+    ratio[at], darkened[at] = share, dark
     return _Sample(ratio, wall.grey, moves, darkened)
 
 

@@ -23,13 +23,8 @@ from monodyn.vision.foreground.background import Background, Samples, background
 from monodyn.vision.foreground.covered import Covered
 from monodyn.vision.foreground.light import Light, in_one_light, light_of
 from monodyn.vision.foreground.masks import GeomColours, View
-from monodyn.vision.foreground.palette import (
-    Palette,
-    choose_palette,
-    lingering,
-    measured_palette,
-    palette_over,
-)
+from monodyn.vision.foreground.moving_colours import lingering, moving_colours
+from monodyn.vision.foreground.palette import Palette, measured_palette, palette_of
 from monodyn.vision.foreground.sampling import sample_frames
 from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.foreground.unread import Sampled
@@ -182,24 +177,11 @@ class SoftMasks(Sampled):
                 displaced(one[np.newaxis].astype(np.uint8), self.away(frame.index))[0] > 0
                 for frame, one in zip(self.samples.frames, covered, strict=True)
             ]
-        background, settings = self._uncovered(Covered(covered)), self.settings
-        palette = choose_palette(self.samples.frames, background, settings.colour, settings.contrast)
-        return replace(self, background=background, palette=palette)
-
-    def cleared(self, covered: Covered) -> SoftMasks:
-        """Return the masks over a background from which a little is taken out: the colours stay.
-
-        Args:
-            covered: The pixels of each of the sample frames that do not count.
-        """
-        background = self._uncovered(covered)
-        return replace(self, background=background, palette=palette_over(self.palette, background))
-
-    def _uncovered(self, covered: Covered) -> Background:
-        """Return the background from what is not covered; one that was given stays."""
-        if self.background.given:
-            return self.background
-        return background_of(self.samples, covered, fallback=self.background)
+        background, settings = self.background, self.settings
+        if not background.given:
+            background = background_of(self.samples, Covered(covered), fallback=background)
+        found = moving_colours(self.samples.frames, background, settings.colour, settings.contrast)
+        return replace(self, background=background, palette=palette_of(found, background))
 
 
 def soft_masks(
@@ -235,17 +217,16 @@ def _masks_over(
 ) -> SoftMasks:
     """Return the masks by background and colours of samples; a background that is given stays."""
     background = background_of(samples) if given is None else given
-    palette = choose_palette(samples.frames, background, settings.colour, settings.contrast)
-    masks = SoftMasks(video, background, palette, samples, settings)
-    if background.given:
-        return masks
+    found = moving_colours(samples.frames, background, settings.colour, settings.contrast)
     # a mechanism that rests most of the time is part of the first background: it is taken out of it once
-    covered = lingering(samples.frames, background, palette)
-    if covered is None or not covered.anywhere.any():
-        return masks
-    top, bottom, left, right = background.window
-    few = np.count_nonzero(covered.anywhere) < FEW_LINGER * (bottom - top) * (right - left)
-    return masks.cleared(covered) if few else masks.refined(covered.whole(background.luma.shape))
+    covered = None if background.given else lingering(samples.frames, background, found)
+    if covered is not None and covered.anywhere.any():
+        top, bottom, left, right = background.window
+        few = np.count_nonzero(covered.anywhere) < FEW_LINGER * (bottom - top) * (right - left)
+        background = background_of(samples, covered, fallback=background)
+        if not few:
+            found = moving_colours(samples.frames, background, settings.colour, settings.contrast)
+    return SoftMasks(video, background, palette_of(found, background), samples, settings)
 
 
 def _given(picture: str | Path, video: Video, samples: Samples) -> Background:
