@@ -362,6 +362,13 @@ def test_blocks_have_the_means_and_squares_of_their_pixels(
             assert squares[i, j] == pytest.approx(change.sum(axis=0).mean(), rel=1e-5)
 
 
+@pytest.mark.parametrize("rows", [255, 256, 257, 300])
+def test_tall_blocks_hold_all_that_is_bright(rows: int) -> None:
+    means = np.empty((2, 3), np.uint8)
+    block_means(np.full((2 * rows, 12), 255, np.uint8), means)
+    assert (means == 255).all()
+
+
 @pytest.mark.parametrize("channels", [0, 2])
 def test_what_moves_differs_from_the_background_and_more_from_what_is_around(channels: int) -> None:
     rng, shape, window = np.random.default_rng(6), (24, 33), Window(3, 22, 4, 30)

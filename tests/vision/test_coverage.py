@@ -19,7 +19,7 @@ from pictures import H, W, palette_found, samples, wandering
 def test_coverage_is_the_share_of_a_mixed_pixel() -> None:
     made = wandering(noise=0.0)
     background = background_of(samples(made))
-    palette = choose_palette(made, background, "grey", 14.0)
+    palette = palette_found(made, background, "grey", 14.0)
     for share in (0.25, 0.5, 0.9):
         luma = np.full((H, W), 160, np.uint8)
         luma[30, 40] = round(160 + share * (90 - 160))
@@ -34,7 +34,7 @@ def test_light_and_shade_leave_the_coverage_of_a_colour() -> None:
     made = wandering(colour=(120, 90, 165), back=(100, 128, 128), noise=0.5)
     background = background_of(samples(made))
     colours = GeomColours(np.array([[120.0, 90.0, 165.0]]), np.zeros(1, int), np.zeros(1, bool))
-    first = choose_palette(made, background, "colour", 14.0)
+    first = palette_found(made, background, "colour", 14.0)
     plain = measured_palette(first, background, colours)
     lit = measured_palette(first, background, replace(colours, light=np.array([0.2])))
     for light, share in ((0.7, 1.0), (1.3, 1.0), (1.0, 0.5), (1.0, 0.0)):
@@ -56,19 +56,19 @@ def test_light_and_shade_leave_the_coverage_of_a_colour() -> None:
 def test_colour_counts_where_grey_does_not_tell() -> None:
     made = wandering(colour=(160, 100, 190), back=(160, 128, 128))
     background = background_of(samples(made))
-    palette = choose_palette(made, background, "auto", 14.0)
+    palette = palette_found(made, background, "auto", 14.0)
     assert not palette.grey_only
     mask = coverage_of(made[10], background, palette).max(axis=0)
     assert mask[25:35, 29:41].min() > 0.9 * FULL
     assert mask[:15].max() < 0.1 * FULL
-    assert choose_palette(wandering(), background_of(samples(wandering())), "auto", 14.0).grey_only
+    assert palette_found(wandering(), background_of(samples(wandering())), "auto", 14.0).grey_only
 
 
 @pytest.mark.parametrize("varied", [False, True])
 def test_a_window_may_begin_in_the_middle_of_a_chroma_pixel(varied: bool) -> None:
     made = wandering(colour=(150, 90, 180), noise=0.5)
     background = background_of(samples(made))
-    palette = choose_palette(made, background, "colour", 14.0)
+    palette = palette_found(made, background, "colour", 14.0)
     colours = GeomColours(palette.colours, np.array([-1 if varied else 0]), np.zeros(1, bool), True)
     palette = measured_palette(palette, background, colours)
     assert palette.any_difference
@@ -85,7 +85,7 @@ def test_a_window_may_begin_in_the_middle_of_a_chroma_pixel(varied: bool) -> Non
 def test_a_noise_that_is_one_number_counts_everywhere() -> None:
     made = wandering(noise=0.5)
     background = replace(background_of(samples(made)), deviation=None, noise=6.0)
-    palette = choose_palette(made, background, "grey", 14.0)
+    palette = palette_found(made, background, "grey", 14.0)
     colours = GeomColours(palette.colours, np.zeros(1, int), np.zeros(1, bool), True)
     other = coverage_of(made[8], background, measured_palette(palette, background, colours))[-1]
     shown = {
@@ -105,7 +105,7 @@ def test_a_noise_that_is_one_number_counts_everywhere() -> None:
 def test_a_part_of_a_mask_is_that_of_the_whole(kind: str, window: Window) -> None:
     made = wandering(colour=(90, 90, 180) if kind == "grey" else (150, 90, 180), noise=0.5)
     background = replace(background_of(samples(made)), window=Window(5, 55, 10, 75))
-    palette = choose_palette(made, background, "grey" if kind == "grey" else "colour", 14.0)
+    palette = palette_found(made, background, "grey" if kind == "grey" else "colour", 14.0)
     part = np.array([-1 if kind == "varied" else 0])
     palette = measured_palette(
         palette, background, GeomColours(palette.colours, part, np.zeros(1, bool), True)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from monodyn.uncounted import INLINED
+from monodyn.uncounted import INLINED, UNCOUNTED
+
+SHORT = 256
+"""Rows of a block below which their grey levels add up to less than 16 bits hold."""
 
 
 @njit(cache=True, nogil=True)
@@ -17,9 +20,19 @@ def block_means(plane: np.ndarray, out: np.ndarray) -> None:
         out: The means, rounded, uint8 (row, column); at most as many of either as the plane has.
     """
     width, (rows, columns) = plane.shape[1], out.shape
-    total, edges = np.zeros(width, np.uint32), _edges(width, columns)
+    edges = _edges(width, columns)
+    if plane.shape[0] < SHORT * rows:
+        _fill_means(plane, np.zeros(width, np.uint16), edges, out)
+    else:
+        _fill_means(plane, np.zeros(width, np.uint32), edges, out)
+
+
+@njit(cache=True, nogil=True, **UNCOUNTED)
+def _fill_means(plane: np.ndarray, total: np.ndarray, edges: np.ndarray, out: np.ndarray) -> None:
+    """Fill the means of blocks between edges, (column + 1,); ``total`` (width,) is room for sums of levels."""
+    (height, width), (rows, columns) = plane.shape, out.shape
     for i in range(rows):
-        top, bottom = i * plane.shape[0] // rows, (i + 1) * plane.shape[0] // rows
+        top, bottom = i * height // rows, (i + 1) * height // rows
         # down the columns first: whole registers are added at once
         total[:] = 0
         for y in range(top, bottom):
@@ -36,11 +49,10 @@ def block_means(plane: np.ndarray, out: np.ndarray) -> None:
                 out[i, j] = _rounded(total[2 * j] + total[2 * j + 1], 2 * (bottom - top))
         else:
             for j in range(columns):
-                left, right = edges[j], edges[j + 1]
                 block = np.uint32(0)
-                for x in range(left, right):
+                for x in range(edges[j], edges[j + 1]):
                     block += total[x]
-                out[i, j] = _rounded(block, (bottom - top) * (right - left))
+                out[i, j] = _rounded(block, (bottom - top) * (edges[j + 1] - edges[j]))
 
 
 @njit(cache=True, **INLINED)
