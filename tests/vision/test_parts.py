@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from monodyn.vision.foreground.parts import Parts, moving_parts, moving_window
+from monodyn.vision.foreground.parts import Parts, moving_cells, moving_parts, window_around
 from monodyn.vision.foreground.thumbnails import Thumbnails, Window
 
 SIZE = (320, 240)
@@ -51,9 +51,9 @@ def test_the_others_of_a_part_are_where_the_rest_moves() -> None:
 
 
 def test_the_window_holds_all_motion_but_specks() -> None:
-    assert moving_window(thumbnails(curve=False, speck=True), SIZE) == Window(64, 120, 0, 152)
+    assert window_around(moving_cells(thumbnails(curve=False, speck=True)), SIZE) == Window(64, 120, 0, 152)
     still = Thumbnails(np.arange(3), np.full((3, 1, 60, 80), 99, np.uint8), 4.0)
-    assert moving_window(still, SIZE) == Window(0, 240, 0, 320)
+    assert window_around(moving_cells(still), SIZE) == Window(0, 240, 0, 320)
 
 
 def test_a_part_that_reaches_another_keeps_its_own_cells() -> None:

@@ -29,7 +29,7 @@ def block_means(plane: np.ndarray, out: np.ndarray) -> None:
 
 @njit(cache=True, nogil=True, **UNCOUNTED)
 def _fill_means(plane: np.ndarray, total: np.ndarray, edges: np.ndarray, out: np.ndarray) -> None:
-    """Fill the means of blocks between edges, (column + 1,); ``total`` (width,) is room for sums of levels."""
+    """Fill the means of blocks between edges, (column + 1,); ``total`` (width,) is room for their sums."""
     (height, width), (rows, columns) = plane.shape, out.shape
     for i in range(rows):
         top, bottom = i * height // rows, (i + 1) * height // rows

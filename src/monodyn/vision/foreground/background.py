@@ -149,28 +149,31 @@ def background_of(
 
 def _medians(frames: Sequence[Frame]) -> Medians:
     """Return what the pixels show over all frames."""
-    luma, deviation, count = _over_all([frame.luma for frame in frames])
+    every = [[frame.luma for frame in frames]]
     colours = [frame.chroma for frame in frames if frame.chroma is not None]
-    if len(colours) < len(frames):
-        return Medians(luma, deviation, count, None)
-    blue, red = (_over_all(planes, noise=False)[0] for planes in zip(*colours, strict=True))
-    return Medians(luma, deviation, count, (blue, red))
+    if len(colours) == len(frames):
+        every += [list(planes) for planes in zip(*colours, strict=True)]
+    (luma, deviation, count), *rest = _over_all(every)
+    return Medians(luma, deviation, count, (rest[0][0], rest[1][0]) if rest else None)
 
 
-def _over_all(planes: Sequence[np.ndarray], *, noise: bool = True) -> list[np.ndarray]:
-    """Return median, noise and count of the pixels of planes, each (height, width)."""
+def _over_all(every: Sequence[Sequence[np.ndarray]]) -> list[list[np.ndarray]]:
+    """Return median, noise and count of the pixels of planes, each (height, width); noise of the first."""
     from monodyn.vision.foreground.median import masked_median
 
-    every = np.zeros((0, 0, 0), dtype=np.bool_)
-
-    def counted(first: int) -> tuple[np.ndarray, ...]:
-        return masked_median(np.stack([plane[first : first + rows] for plane in planes]), every, noise)
-
+    nothing = np.zeros((0, 0, 0), dtype=np.bool_)
     # what all frames show of a few rows stays at hand, and takes no memory to speak of
-    height, width = planes[0].shape
-    rows = max(1, AT_ONCE // width)
-    parts = on_all_cores(counted, range(0, height, rows))
-    return [np.concatenate(part) for part in zip(*parts, strict=True)]
+    steps = [max(1, AT_ONCE // planes[0].shape[1]) for planes in every]
+    firsts = [range(0, len(planes[0]), step) for planes, step in zip(every, steps, strict=True)]
+
+    def counted(part: tuple[int, int]) -> tuple[np.ndarray, ...]:
+        kind, first = part
+        stack = np.stack([plane[first : first + steps[kind]] for plane in every[kind]])
+        return masked_median(stack, nothing, kind == 0)
+
+    found = iter(on_all_cores(counted, [(kind, first) for kind, rows in enumerate(firsts) for first in rows]))
+    parts = [[next(found) for _ in rows] for rows in firsts]
+    return [[np.concatenate(part) for part in zip(*some, strict=True)] for some in parts]
 
 
 def _uncovered(samples: Samples, covered: Covered) -> Medians:

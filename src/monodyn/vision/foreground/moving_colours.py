@@ -113,7 +113,7 @@ def lingering(samples: Sequence[Frame], background: Background, found: MovingCol
     suspect = np.zeros(shape, dtype=np.bool_)
     for grey in found.colours[:, 0].astype(np.float32):
         suspect |= np.abs(background.luma - grey) < near
-    rows, columns = np.nonzero(suspect)
+    rows, columns = np.divmod(np.flatnonzero(suspect), shape[1])
     usual = at_pixels(found.around, shape, rows, columns)
 
     def looks_like(picture: Frame | Background) -> np.ndarray:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.types import FULL
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background
 from monodyn.vision.foreground.changes import MOST_CONTRAST, full_size
@@ -156,8 +157,10 @@ def _palette(
     scale = np.empty(shape, np.float32)
     trust = np.empty((shape[0] + (any_trust is not None), *shape[1:]), np.float32)
     step = max(1, AT_ONCE // shape[2])
-    # what some rows need is at hand, and what all of them need at once would fill the memory
-    for rows in (slice(first, first + step) for first in range(0, shape[1], step)):
+
+    def fill(first: int) -> None:
+        """Fill some of the rows: what they need is at hand, and all of them at once would fill the memory."""
+        rows = slice(first, first + step)
         part = [plane[rows] for plane in planes]
         full = strength = _contrast(part, colours)
         if light is not None and dimmed is not None:
@@ -170,6 +173,8 @@ def _palette(
         trust[: len(colours), rows] = np.minimum(sure, 1.0) * known
         if any_trust is not None:
             trust[-1, rows] = any_trust * known
+
+    on_all_cores(fill, range(0, shape[1], step))
     shown = colours.copy()
     if grey_only:
         shown[:, 1:] = np.nan

@@ -41,7 +41,7 @@ class Parts:
         Args:
             chosen: Their numbers.
         """
-        return _window_around(np.isin(self.labels, chosen), self.size)
+        return window_around(np.isin(self.labels, chosen), self.size)
 
     def others(self, chosen: Sequence[int]) -> np.ndarray:
         """Return where the other parts move, bool (height, width).
@@ -92,16 +92,6 @@ def moving_parts(thumbnails: Thumbnails, samples: Sequence[int], size: tuple[int
     return Parts(ranked[labels], len(large), size)
 
 
-def moving_window(thumbnails: Thumbnails, size: tuple[int, int]) -> Window:
-    """Return the rectangle around everything that moves, lone cells aside.
-
-    Args:
-        thumbnails: All frames of the scene.
-        size: Width and height of the clip's pictures [px].
-    """
-    return _window_around(moving_cells(thumbnails), size)
-
-
 def moving_cells(thumbnails: Thumbnails) -> np.ndarray:
     """Return where anything moves, lone cells aside, bool (height, width).
 
@@ -141,8 +131,13 @@ def _changing_cells(thumbnails: Thumbnails) -> np.ndarray:
     return np.any(thumbnails.ranges > thumbnails.still, axis=0)
 
 
-def _window_around(cells: np.ndarray, size: tuple[int, int]) -> Window:
-    """Return the rectangle around cells of the thumbnails, with a margin; without any the picture."""
+def window_around(cells: np.ndarray, size: tuple[int, int]) -> Window:
+    """Return the rectangle around cells of the thumbnails, with a margin; without any the picture.
+
+    Args:
+        cells: The cells, bool (row, column).
+        size: Width and height of the clip's pictures [px].
+    """
     width, height = size
     rows, columns = np.nonzero(cells.any(axis=1))[0], np.nonzero(cells.any(axis=0))[0]
     if not len(rows):

@@ -13,7 +13,7 @@ from monodyn.types import Frame, Progress
 from monodyn.vision.clip.repeats import Differences, Repeats
 from monodyn.vision.clip.video import Video
 from monodyn.vision.foreground.background import Samples, Window
-from monodyn.vision.foreground.parts import moving_cells, moving_outside, moving_parts, moving_window
+from monodyn.vision.foreground.parts import moving_cells, moving_outside, moving_parts, window_around
 from monodyn.vision.foreground.thumbnails import STILL_GREY, ThumbnailStore, scene_span
 from monodyn.vision.settings import SegmentSettings
 
@@ -60,7 +60,8 @@ def sample_frames(
     if settings.time_range is None:
         span = scene_span(thumbnails, settings.contrast, span)
     shown = thumbnails.within(span)
-    repeats = path.differences.repeats(moving_cells(shown), video.times)
+    cells = moving_cells(shown)
+    repeats = path.differences.repeats(cells, video.times)
     frames = path.spread(span, repeats)
     _check_enough(video, len(frames))
     size, parts, others = (video.width, video.height), None, None
@@ -68,7 +69,7 @@ def sample_frames(
         # the mechanism may go on outside of the user's region: its edge is no edge of the mechanism
         others = moving_outside(shown, window, size)
     else:
-        window = moving_window(shown, size)
+        window = window_around(cells, size)
         parts = moving_parts(shown, [frame.index for frame in frames], size)
     given = settings.time_range is not None
     return Samples(frames, window, repeats, span, shown, parts, given=given, others=others)

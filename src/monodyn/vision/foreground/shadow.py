@@ -209,12 +209,12 @@ def _reduced(frame: Frame, wall: _Wall, step: int) -> _Sample:
     """Return every ``step``-th pixel of a sample, to both sides."""
     luma, *tint = thinned(frame.luma, frame.chroma, step)
     moves = np.abs(luma - wall.grey) > wall.least
-    ratio, darkened, at = np.zeros_like(luma), np.zeros_like(moves), np.nonzero(moves)
-    share = luma[at] / np.maximum(wall.grey[at], 1.0)
+    ratio, darkened, at = np.zeros_like(luma), np.zeros_like(moves), np.flatnonzero(moves)
+    share = luma.take(at) / np.maximum(wall.grey.take(at), 1.0)
     dark = (share > DEEPEST) & (share < LIT)
     for shown, back in zip(tint, wall.tint, strict=False):
-        dark &= np.abs(shown[at] - GREY - share * (back[at] - GREY)) < TINT
-    ratio[at], darkened[at] = share, dark
+        dark &= np.abs(shown.take(at) - GREY - share * (back.take(at) - GREY)) < TINT
+    ratio.ravel()[at], darkened.ravel()[at] = share, dark
     return _Sample(ratio, wall.grey, moves, darkened)
 
 
