@@ -189,10 +189,15 @@ def surroundings(samples: Sequence[Frame], background: Background, contrast: flo
     import cv2
 
     step, picks = thinning(background.luma.shape), samples[:: spacing(len(samples), PICKED_FRAMES)]
-    most, least = (picks[0].luma[::step].copy() for _ in range(2))
-    for frame in picks[1:]:
-        np.maximum(most, frame.luma[::step], out=most)
-        np.minimum(least, frame.luma[::step], out=least)
+
+    def over_all(function: np.ufunc) -> np.ndarray:
+        """Return the most or the least grey level of the pixels over the samples, (row, column)."""
+        found = picks[0].luma[::step].copy()
+        for frame in picks[1:]:
+            function(found, frame.luma[::step], out=found)
+        return found
+
+    most, least = on_all_cores(over_all, (np.maximum, np.minimum))
     moves = most - least > max(contrast, 8.0 * background.noise)
     # A blur in which moving pixels have no weight, normalized by the blurred weights: it fills the places
     # where anything moves from the still ones around them.

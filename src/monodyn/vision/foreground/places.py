@@ -1,4 +1,4 @@
-"""numba kernels: whether pictures show the same grey levels as a reference at some places."""
+"""numba kernel: whether a picture shows the same grey levels as a reference at a grid of places."""
 
 from __future__ import annotations
 
@@ -33,20 +33,3 @@ def is_unchanged(
         if under > middle or over >= end - begin - middle:
             return False
     return True
-
-
-@njit(cache=True, nogil=True, **UNCOUNTED)
-def count_unlike(pictures: np.ndarray, level: np.ndarray, least: np.ndarray, out: np.ndarray) -> None:
-    """Count the places at which each picture differs from the reference.
-
-    Args:
-        pictures: Grey levels at the places, uint8 (picture, point).
-        level: Those of the reference, float32 (point,).
-        least: Difference that does not count yet, float32 (point,) [grey levels].
-        out: The counts, int64 (picture,), which are filled.
-    """
-    for k in range(len(pictures)):
-        shown, unlike = pictures[k], 0
-        for x in range(len(level)):
-            unlike += abs(np.float32(shown[x]) - level[x]) > least[x]
-        out[k] = unlike

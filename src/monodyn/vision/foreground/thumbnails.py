@@ -163,7 +163,12 @@ def scene_span(thumbnails: Thumbnails, contrast: float, whole: tuple[int, int]) 
     Returns:
         The same of the scene.
     """
-    unlike, changing = _differs(thumbnails, (contrast, STILL_DEVIATION))
+    usual = _usual(thumbnails)
+    # where neither end still changes, as is mostly so, both show the scene
+    if not np.any(_differs(thumbnails, usual, [0, -1], STILL_DEVIATION)):
+        return whole
+    every = slice(None)
+    unlike, changing = (_differs(thumbnails, usual, every, level) for level in (contrast, STILL_DEVIATION))
     first = _prelude(unlike, changing)
     stop = len(unlike) - _prelude(unlike[::-1], changing[::-1])
     number = thumbnails.number
@@ -182,22 +187,38 @@ def _prelude(unlike: np.ndarray, changing: np.ndarray) -> int:
     return int(scene[0]) if len(scene) and scene[0] <= most else 0
 
 
-def _differs(thumbnails: Thumbnails, levels: tuple[float, ...]) -> list[np.ndarray]:
-    """Return in which frames much of what is usually still is off by more than each level, bool (frame,)."""
-    from monodyn.vision.foreground.places import count_unlike
+class _Usual(NamedTuple):
+    """What is usually still: every how many cells, which of these, (point,), and what they show."""
 
-    count = len(thumbnails.number)
+    step: int
+    still: np.ndarray
+    level: np.ndarray
+
+
+def _usual(thumbnails: Thumbnails) -> _Usual:
+    """Return what is usually still."""
+    count, cells = len(thumbnails.number), thumbnails.planes[0, 0].size
+    step = max(1, cells // PROBED_PIXELS)
+    few = _probed(thumbnails, slice(None, None, max(1, count // PROBED_FRAMES)), step)
+    level = medians(few)
+    few -= level
+    return _Usual(step, medians(np.abs(few, out=few)) < STILL_DEVIATION, level)
+
+
+def _probed(thumbnails: Thumbnails, rows: slice | list[int], step: int) -> np.ndarray:
+    """Return the grey level of some of the cells in some of the frames, float32 (frame, point)."""
     # the planes follow one another: cut first, they would be copied whole
     cells = thumbnails.planes[0, 0].size
-    grey = thumbnails.planes.reshape(count, -1)[:, : cells : max(1, cells // PROBED_PIXELS)].copy()
-    few = grey[:: max(1, count // PROBED_FRAMES)].astype(np.float32)
-    usual = medians(few)
-    few -= usual
-    still = medians(np.abs(few, out=few)) < STILL_DEVIATION
+    grey = thumbnails.planes.reshape(len(thumbnails.number), -1)[:, :cells:step]
+    return grey[rows].astype(np.float32)
+
+
+def _differs(thumbnails: Thumbnails, usual: _Usual, rows: slice | list[int], level: float) -> np.ndarray:
+    """Return which of some frames are off by more than a level in much of what is usually still, (frame,)."""
     # where nothing is usually still, there is nothing to compare with
-    if np.mean(still) < CHANGED_SHARE:
-        return [np.zeros(count, dtype=bool) for _ in levels]
-    found = np.zeros((len(levels), count), dtype=np.int64)
-    for level, unlike in zip(levels, found, strict=True):
-        count_unlike(grey, usual, np.where(still, level, np.inf).astype(np.float32), unlike)
-    return list(found > CHANGED_SHARE * np.count_nonzero(still))
+    if np.mean(usual.still) < CHANGED_SHARE:
+        return np.zeros(len(thumbnails.number[rows]), dtype=bool)
+    change = _probed(thumbnails, rows, usual.step)[:, usual.still]
+    change -= usual.level[usual.still]
+    np.abs(change, out=change)
+    return np.count_nonzero(change > level, axis=1) > CHANGED_SHARE * np.count_nonzero(usual.still)
