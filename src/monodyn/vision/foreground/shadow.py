@@ -71,12 +71,34 @@ class Shadow:
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """A reduced sample: ratio to the background where it moves, whether it does, and may be shadow."""
+    """What moves in a reduced sample.
 
-    ratio: np.ndarray
-    behind: np.ndarray
+    Attributes:
+        moves: Where anything does, bool (row, column).
+        at: Which pixels these are, counted row by row, int (pixel,).
+        ratio: Their ratios to the background, float32 (pixel,).
+        darkened: Which of them may be shadow, bool (pixel,).
+        behind: The background, float32 (row, column).
+    """
+
     moves: np.ndarray
+    at: np.ndarray
+    ratio: np.ndarray
     darkened: np.ndarray
+    behind: np.ndarray
+
+    def within(self, low: float, high: float) -> np.ndarray:
+        """Return where a shadow of such ratios may be, bool (row, column)."""
+        found = np.zeros_like(self.moves)
+        found.ravel()[self.at[self.darkened & (self.ratio >= low) & (self.ratio < high)]] = True
+        return found
+
+    @property
+    def ratios(self) -> np.ndarray:
+        """The ratios in their places, 0 elsewhere, float32 (row, column)."""
+        found = np.zeros_like(self.behind)
+        found.ravel()[self.at] = self.ratio
+        return found
 
 
 class _Wall(NamedTuple):
@@ -104,11 +126,11 @@ def find_shadow(samples: Sequence[Frame], background: Background, contrast: floa
     step = thinning(background.luma.shape)
     wall = _wall(background, contrast, step)
     reduced = on_all_cores(lambda frame: _reduced(frame, wall, step), picks)
-    total = sum(int(sample.moves.sum()) for sample in reduced)
+    total = sum(len(sample.at) for sample in reduced)
     ratios = np.concatenate([sample.ratio[sample.darkened] for sample in reduced])
     found = []
     for low, high in _modes(ratios, LEAST_SHARE * total):
-        shadows = [s.darkened & (s.ratio >= low) & (s.ratio < high) for s in reduced]
+        shadows = [sample.within(low, high) for sample in reduced]
         others = [s.moves & ~shadow for s, shadow in zip(reduced, shadows, strict=True)]
         if sum(int(other.sum()) for other in others) >= LEAST_SHARE * total:
             unlike = _unlikeness(reduced, others, shadows)
@@ -209,13 +231,12 @@ def _reduced(frame: Frame, wall: _Wall, step: int) -> _Sample:
     """Return every ``step``-th pixel of a sample, to both sides."""
     luma, *tint = thinned(frame.luma, frame.chroma, step)
     moves = np.abs(luma - wall.grey) > wall.least
-    ratio, darkened, at = np.zeros_like(luma), np.zeros_like(moves), np.flatnonzero(moves)
-    share = luma.take(at) / np.maximum(wall.grey.take(at), 1.0)
-    dark = (share > DEEPEST) & (share < LIT)
+    at = np.flatnonzero(moves)
+    ratio = luma.take(at) / np.maximum(wall.grey.take(at), 1.0)
+    darkened = (ratio > DEEPEST) & (ratio < LIT)
     for shown, back in zip(tint, wall.tint, strict=False):
-        dark &= np.abs(shown.take(at) - GREY - share * (back.take(at) - GREY)) < TINT
-    ratio.ravel()[at], darkened.ravel()[at] = share, dark
-    return _Sample(ratio, wall.grey, moves, darkened)
+        darkened &= np.abs(shown.take(at) - GREY - ratio * (back.take(at) - GREY)) < TINT
+    return _Sample(moves, at, ratio, darkened, wall.grey)
 
 
 def _keeps_tint(chroma: Sequence[np.ndarray], behind: Sequence[np.ndarray], ratio: np.ndarray) -> np.ndarray:
@@ -325,7 +346,7 @@ def _detail_shown(samples: list[_Sample], shadows: list[np.ndarray]) -> tuple[fl
             return nothing, nothing, nothing
         # what is farther away than a window is in none
         cut = (_grown(rows, DETAIL), _grown(columns, DETAIL))
-        shadow, ratio, behind = shadow[cut], sample.ratio[cut], sample.behind[cut]
+        shadow, ratio, behind = shadow[cut], sample.ratios[cut], sample.behind[cut]
         weight = shadow.astype(np.float32)
         around = np.maximum(cv2.blur(weight, size), 1e-6)
         level, wall = ((v - cv2.blur(weight * v, size) / around)[shadow] for v in (ratio * behind, behind))
