@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass, replace
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +64,13 @@ class SizedClip:
             usual = ClipSettings()
             camera = replace(usual.camera, width=width, height=height, focal=700.0 * height / 480)
             part = self.file.with_suffix(".part.mp4")
-            make_clip(part, replace(usual, camera=camera, frames=self.frames, quality=self.quality))
+            settings = replace(usual, camera=camera, frames=self.frames, quality=self.quality)
+            # on Linux a process begins with the peak memory of the one that started it: this one stays small
+            maker = get_context("spawn").Process(target=make_clip, args=(part, settings))
+            maker.start()
+            maker.join()
+            if maker.exitcode != 0:
+                raise SystemExit(f"sizes.py: {self.name} could not be made.")
             part.rename(self.file)
         return self.file
 
