@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -66,11 +67,8 @@ class SizedClip:
             part = self.file.with_suffix(".part.mp4")
             settings = replace(usual, camera=camera, frames=self.frames, quality=self.quality)
             # on Linux a process begins with the peak memory of the one that started it: this one stays small
-            maker = get_context("spawn").Process(target=make_clip, args=(part, settings))
-            maker.start()
-            maker.join()
-            if maker.exitcode != 0:
-                raise SystemExit(f"sizes.py: {self.name} could not be made.")
+            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as another:
+                another.submit(make_clip, part, settings).result()
             part.rename(self.file)
         return self.file
 
