@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import monodyn
-from monodyn.arrays import check_unbroken, clock, frozen, increasing, medians, plain, usual_step
+from monodyn.arrays import check_unbroken, clock, frozen, increasing, median, medians, plain, usual_step
 from monodyn.errors import MonodynError, SettingsError, VideoError
 from monodyn.mechanism.simulate import rollout
 from monodyn.types import Poses
@@ -154,3 +154,11 @@ def test_what_no_clock_shows_is_refused(wrong: list[float]) -> None:
 def test_medians_are_those_of_numpy(shape: tuple[int, ...]) -> None:
     values = np.random.default_rng(len(shape)).integers(0, 255, shape).astype(np.float32)
     assert np.array_equal(medians(values), np.median(values, axis=0))
+
+
+@pytest.mark.parametrize("shape", [(1,), (2,), (7,), (8,), (5, 7), (6, 7)])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_the_median_of_a_picture_is_that_of_numpy(shape: tuple[int, ...], dtype: type) -> None:
+    values = np.random.default_rng(0).normal(size=shape).astype(dtype)
+    assert median(values) == float(np.median(values))
+    assert median(np.zeros_like(values)) == 0.0

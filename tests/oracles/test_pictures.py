@@ -362,7 +362,7 @@ def test_blocks_have_the_means_and_squares_of_their_pixels(
             assert squares[i, j] == pytest.approx(change.sum(axis=0).mean(), rel=1e-5)
 
 
-@pytest.mark.parametrize("rows", [255, 256, 257, 300])
+@pytest.mark.parametrize("rows", [255, 256, 257, 258, 290, 300])
 def test_tall_blocks_hold_all_that_is_bright(rows: int) -> None:
     means = np.empty((2, 3), np.uint8)
     block_means(np.full((2 * rows, 12), 255, np.uint8), means)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from monodyn.vision.foreground import changes
 from monodyn.vision.foreground.background import background_of
 from monodyn.vision.foreground.changes import (
     CHANGED_SHARE,
@@ -13,6 +16,8 @@ from monodyn.vision.foreground.changes import (
     moving_pixels,
     surroundings,
 )
+from monodyn.vision.foreground.shadow import Shadow
+from monodyn.vision.foreground.thumbnails import Window
 from pictures import samples, wandering
 
 
@@ -30,3 +35,27 @@ def test_pixels_that_move_show_what_moves() -> None:
     pixels = moving_pixels(made, background, around, True, 14.0, None)
     assert np.median(pixels[:, 0]) == pytest.approx(90, abs=2)
     assert np.median(pixels[:, 3]) == pytest.approx(160, abs=3)
+
+
+@pytest.mark.parametrize("core", [0, 10**6])
+@pytest.mark.parametrize("shadow", [None, Shadow(0.6, 0.95)])
+@pytest.mark.parametrize("window", [Window(21, 39, 14, 47), Window(0, 60, 3, 80), Window(25, 60, 0, 41)])
+def test_a_part_of_the_pictures_shows_what_the_whole_does(
+    window: Window, shadow: Shadow | None, core: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The square goes through the edges of the window; without a core its own edges count, too."""
+    rng = np.random.default_rng(8)
+    made = [
+        replace(
+            frame, chroma=tuple(np.clip(p + rng.normal(0, 9, p.shape), 0, 255).astype(np.uint8) for p in c)
+        )
+        for frame in wandering(colour=(130, 90, 180), noise=2.0)
+        if (c := frame.chroma) is not None
+    ]
+    background = replace(background_of(samples(made)), window=window)
+    around = surroundings(made, background, 8.0)
+    monkeypatch.setattr(changes, "LEAST_CORE", core)
+    found = moving_pixels(made, background, around, False, 8.0, shadow)
+    monkeypatch.setattr(changes, "MARGIN_PX", 1000)
+    np.testing.assert_array_equal(found, moving_pixels(made, background, around, False, 8.0, shadow))
+    assert len(found) > 1000

@@ -10,7 +10,7 @@ import pytest
 from monodyn.types import FULL
 from monodyn.vision.foreground.background import Background, background_of
 from monodyn.vision.foreground.coverage import coverage_of
-from monodyn.vision.foreground.covered import Covered
+from monodyn.vision.foreground.covered import covered_whole
 from monodyn.vision.foreground.masks import VARIED, GeomColours
 from monodyn.vision.foreground.moving_colours import lingering, moving_colours
 from monodyn.vision.foreground.palette import VARIED_TRUST, measured_palette, palette_of
@@ -45,7 +45,7 @@ def test_pixels_never_uncovered_are_not_trusted() -> None:
     covered = [np.zeros((H, W), bool) for _ in made]
     for frame, mask in zip(made, covered, strict=True):
         mask[20:40, 30 + frame.index % 3 : 50 + frame.index % 3] = True
-    background = background_of(samples(made), Covered(covered), fallback=first)
+    background = background_of(samples(made), covered_whole(covered), fallback=first)
     assert not background.known[30, 40]
     palette = palette_found(
         made,
@@ -80,7 +80,7 @@ def test_a_background_that_is_cleared_of_a_little_keeps_its_colours() -> None:
     found = moving_colours(made, first, "grey", 14.0)
     mask = np.zeros((H, W), bool)
     mask[50:54, 60:64] = True
-    cleared = background_of(samples(made), Covered([mask] * len(made)), fallback=first)
+    cleared = background_of(samples(made), covered_whole([mask] * len(made)), fallback=first)
     assert not cleared.known[mask].any()
     np.testing.assert_array_equal(cleared.known | mask, first.known)
     anew = palette_found(made, cleared, "grey", 14.0)
@@ -90,3 +90,9 @@ def test_a_background_that_is_cleared_of_a_little_keeps_its_colours() -> None:
         one, other = (coverage_of(frame, cleared, palette).astype(int) for palette in (kept, anew))
         assert np.abs(one - other).max() <= 0.02 * FULL
     np.testing.assert_allclose(found.colours[:, 0], anew.colours[:, 0], atol=1.0)
+
+
+def test_nothing_lingers_where_the_background_shows_none_of_it() -> None:
+    made = wandering()
+    first = background_of(samples(made))
+    assert lingering(made, first, moving_colours(made, first, "colour", 14.0)) is None

@@ -8,7 +8,8 @@ from numba import njit
 from monodyn.uncounted import INLINED, UNCOUNTED
 
 SHORT = 256
-"""Rows of a block below which their grey levels add up to less than 16 bits hold."""
+"""Rows of a block on average below which the sums of its columns are taken in 16 bits: these hold 257 rows,
+and a block has one more than the average at most."""
 
 
 @njit(cache=True, nogil=True)
@@ -27,7 +28,7 @@ def block_means(plane: np.ndarray, out: np.ndarray) -> None:
         _fill_means(plane, np.zeros(width, np.uint32), edges, out)
 
 
-@njit(cache=True, nogil=True, **UNCOUNTED)
+@njit(cache=True, **UNCOUNTED)
 def _fill_means(plane: np.ndarray, total: np.ndarray, edges: np.ndarray, out: np.ndarray) -> None:
     """Fill the means of blocks between edges, (column + 1,); ``total`` (width,) is room for their sums."""
     (height, width), (rows, columns) = plane.shape, out.shape

@@ -13,7 +13,7 @@ from monodyn.arrays import median
 from monodyn.cores import on_all_cores
 from monodyn.types import Frame
 from monodyn.vision.clip.repeats import NO_REPEATS, Repeats
-from monodyn.vision.foreground.covered import Covered, shrunk
+from monodyn.vision.foreground.covered import Covered, reduced_mask
 from monodyn.vision.foreground.parts import Parts
 from monodyn.vision.foreground.thumbnails import Thumbnails, Window
 
@@ -138,7 +138,7 @@ def background_of(
     if fallback is not None:
         grey = np.where(known, grey, fallback.luma)
         if chroma is not None and fallback.chroma is not None:
-            known_small = shrunk(known, chroma[0].shape)
+            known_small = reduced_mask(known, chroma[0].shape)
             blue, red = (
                 np.where(known_small, new, old) for new, old in zip(chroma, fallback.chroma, strict=True)
             )
@@ -163,17 +163,21 @@ def _over_all(every: Sequence[Sequence[np.ndarray]]) -> list[list[np.ndarray]]:
 
     nothing = np.zeros((0, 0, 0), dtype=np.bool_)
     # what all frames show of a few rows stays at hand, and takes no memory to speak of
-    steps = [max(1, AT_ONCE // planes[0].shape[1]) for planes in every]
-    firsts = [range(0, len(planes[0]), step) for planes, step in zip(every, steps, strict=True)]
+    parts = []
+    for kind, planes in enumerate(every):
+        height, width = planes[0].shape
+        rows = max(1, AT_ONCE // width)
+        parts += [(kind, slice(first, first + rows)) for first in range(0, height, rows)]
 
-    def counted(part: tuple[int, int]) -> tuple[np.ndarray, ...]:
-        kind, first = part
-        stack = np.stack([plane[first : first + steps[kind]] for plane in every[kind]])
+    def counted(part: tuple[int, slice]) -> tuple[np.ndarray, ...]:
+        kind, rows = part
+        stack = np.ascontiguousarray(np.stack([plane[rows] for plane in every[kind]]))
         return masked_median(stack, nothing, kind == 0)
 
-    found = iter(on_all_cores(counted, [(kind, first) for kind, rows in enumerate(firsts) for first in rows]))
-    parts = [[next(found) for _ in rows] for rows in firsts]
-    return [[np.concatenate(part) for part in zip(*some, strict=True)] for some in parts]
+    found: list[list[tuple[np.ndarray, ...]]] = [[] for _ in every]
+    for (kind, _), medians in zip(parts, on_all_cores(counted, parts), strict=True):
+        found[kind].append(medians)
+    return [[np.concatenate(rows) for rows in zip(*some, strict=True)] for some in found]
 
 
 def _uncovered(samples: Samples, covered: Covered) -> Medians:
@@ -185,13 +189,13 @@ def _uncovered(samples: Samples, covered: Covered) -> Medians:
     luma, deviation, count = luma.copy(), deviation.copy(), count.copy()
     found = _again([frame.luma for frame in samples.frames], covered)
     for plane, values in zip((luma, deviation, count), found, strict=True):
-        covered.part(plane)[covered.anywhere] = values
+        covered.cut(plane)[covered.anywhere] = values
     if chroma is not None:
         small = covered.of_samples(luma.shape, chroma[0].shape)
         colours = [frame.chroma for frame in samples.frames if frame.chroma is not None]
         chroma = (chroma[0].copy(), chroma[1].copy())
         for target, planes in zip(chroma, zip(*colours, strict=True), strict=True):
-            small.part(target)[small.anywhere] = _again(planes, small, noise=False)[0]
+            small.cut(target)[small.anywhere] = _again(planes, small, noise=False)[0]
     return Medians(luma, deviation, count, chroma)
 
 

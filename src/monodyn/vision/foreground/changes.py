@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -82,7 +82,7 @@ def moving_pixels(
     Args:
         samples: Frames of the clip.
         background: Its background.
-        around: Grey level and colours of what is around all that moves, each (row, column).
+        around: What is around all that moves, from ``surroundings``, each float32 (row, column), reduced.
         grey_only: True where colours do not count.
         contrast: Least difference of a pixel that has changed [grey levels].
         shadow: The mechanism's shadow, which does not count.
@@ -95,17 +95,21 @@ def moving_pixels(
 
     from monodyn.vision.foreground.inner import fill_moving
 
-    part, least = _part(background), (float(contrast), CHANGED_NOISE)
-    behind = _scenery(background, np.stack(around), grey_only, part)
+    window, least = _moving_window(background), (float(contrast), CHANGED_NOISE)
+    behind, shape = _scenery(background, np.stack(around), grey_only, window), background.luma.shape
 
     def picked(number: int) -> np.ndarray:
         """Return the pixels of one sample, (pixel, column)."""
         frame = samples[number]
-        luma, *planes = part.cut(frame.luma, None if grey_only else frame.chroma)
-        tint, moving = np.stack(planes) if planes else np.zeros((0, 1, 1), np.uint8), np.zeros_like(luma)
+        luma = _cut(frame.luma, window, shape)
+        small = () if grey_only else frame.chroma or ()
+        tint = np.zeros((len(small), *(luma.shape if small else (1, 1))), np.uint8)
+        for out, plane in zip(tint, small, strict=True):
+            out[:] = _cut(plane, window, shape)
+        moving = np.zeros_like(luma)
         fill_moving(luma, tint, behind, least, moving)
         if shadow is not None:
-            moving[in_shadow(frame, background, shadow)[part.whole]] = 0
+            moving[_cut(in_shadow(frame, background, shadow), window, shape)] = 0
         # pixels at an edge are mixed with the background; only a thin mechanism has no others
         core = cv2.erode(moving, np.ones((3, 3), np.uint8))
         inner = core if cv2.countNonZero(core) >= LEAST_CORE else moving
@@ -122,57 +126,45 @@ def moving_pixels(
     return np.concatenate(on_all_cores(picked, rows, most=most))
 
 
-def _scenery(background: Background, around: np.ndarray, grey_only: bool, part: _Part) -> Scenery:
-    """Return what a part of the samples is compared with."""
+def _scenery(background: Background, around: np.ndarray, grey_only: bool, window: Window) -> Scenery:
+    """Return what a window of the samples is compared with."""
     from monodyn.vision.foreground.inner import Scenery
 
     shape = background.luma.shape
-    luma, *chroma = part.cut(background.luma, None if grey_only else background.chroma)
-    tint = np.stack(chroma) if chroma else np.zeros((0, 1, 1), np.float32)
-    rows, columns = (np.arange(shape[k]) * around.shape[k + 1] // shape[k] for k in (0, 1))
-    noise = np.ascontiguousarray(np.broadcast_to(background.pixel_noise, shape)[part.whole])
-    counts = np.ascontiguousarray(background.counts[part.whole])
-    (top, bottom, left, right), (above, _, before, _) = background.window, part.window
-    inside = Window(top - above, bottom - above, left - before, right - before)
-    return Scenery(luma, tint, around, noise, counts, inside, rows[part.whole[0]], columns[part.whole[1]])
-
-
-class _Part(NamedTuple):
-    """The part of a picture in which anything moves, with a margin, to whole samples of the colours.
-
-    Attributes:
-        window: Its place in the picture.
-        whole: Its rows and columns.
-        small: The same in the planes of the colours.
-    """
-
-    window: Window
-    whole: tuple[slice, slice]
-    small: tuple[slice, slice]
-
-    def cut(self, luma: np.ndarray, chroma: tuple[np.ndarray, np.ndarray] | None) -> list[np.ndarray]:
-        """Return the part of the planes of a picture, colours at full size, (row, column) each."""
-        import cv2
-
-        grey = np.ascontiguousarray(luma[self.whole])
-        small = [plane[self.small] for plane in chroma or ()]
-        # as the coverage is enlarged
-        return [grey, *(cv2.resize(p, grey.shape[::-1], interpolation=cv2.INTER_LINEAR) for p in small)]
-
-
-def _part(background: Background) -> _Part:
-    """Return the part of the pictures of a background in which anything moves."""
-    top, bottom, left, right = background.window
-    around = Window(top - MARGIN_PX, bottom + MARGIN_PX, left - MARGIN_PX, right + MARGIN_PX)
-    shape = background.luma.shape
-    small = shape if background.chroma is None else background.chroma[0].shape
-    window = whole_samples(around, shape, small)
-    whole = slice(window.top, window.bottom), slice(window.left, window.right)
-    rows, columns = (
-        slice(w.start * size // full, w.stop * size // full)
-        for w, size, full in zip(whole, small, shape, strict=True)
+    chroma = () if grey_only else background.chroma or ()
+    tint = [_cut(plane, window, shape) for plane in chroma]
+    noise = np.broadcast_to(background.pixel_noise, shape)
+    luma, noise, counts = (
+        _cut(plane, window, shape) for plane in (background.luma, noise, background.counts)
     )
-    return _Part(window, whole, (rows, columns))
+    rows = np.arange(window.top, window.bottom) * around.shape[1] // shape[0]
+    columns = np.arange(window.left, window.right) * around.shape[2] // shape[1]
+    top, bottom, left, right = background.window
+    inside = Window(top - window.top, bottom - window.top, left - window.left, right - window.left)
+    behind = np.stack(tint) if tint else np.zeros((0, 1, 1), np.float32)
+    return Scenery(luma, behind, around, noise, counts, inside, rows, columns)
+
+
+def _moving_window(background: Background) -> Window:
+    """Return the window of a background with a margin, of whole samples of its colours."""
+    (top, bottom, left, right), chroma = background.window, background.chroma
+    around = Window(top - MARGIN_PX, bottom + MARGIN_PX, left - MARGIN_PX, right + MARGIN_PX)
+    return whole_samples(around, background.luma.shape, None if chroma is None else chroma[0].shape)
+
+
+def _cut(plane: np.ndarray, window: Window, shape: tuple[int, ...]) -> np.ndarray:
+    """Return the window of a plane of a picture of a height and width, at full size, (row, column)."""
+    import cv2
+
+    (down, across), (top, bottom, left, right) = (shape[k] / plane.shape[k] for k in (0, 1)), window
+    rows, columns = (
+        slice(round(first / step), round(stop / step))
+        for first, stop, step in ((top, bottom, down), (left, right, across))
+    )
+    if plane.shape == shape:
+        return np.ascontiguousarray(plane[rows, columns])
+    # as the coverage is enlarged
+    return cv2.resize(plane[rows, columns], (right - left, bottom - top), interpolation=cv2.INTER_LINEAR)
 
 
 def surroundings(samples: Sequence[Frame], background: Background, contrast: float) -> list[np.ndarray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,18 +12,27 @@ from monodyn.cores import on_all_cores
 from monodyn.vision.foreground.thumbnails import Window
 
 
+@dataclass(frozen=True, eq=False)
 class Covered:
     """What covers the background in each of some frames.
 
-    Args:
-        masks: For each frame the covered pixels of the part, bool (row, column).
-        window: The part of the picture outside of which none is covered; None for all of it. Where frames
-            have colours it is of ``whole_samples`` of them.
+    Attributes:
+        masks: For each frame, at least one, the covered pixels within the window, bool (row, column).
+        window: The part of the picture outside of which none is covered. Where frames have colours it is of
+            ``whole_samples`` of them.
+
+    Raises:
+        ValueError: A mask has another size than the window.
     """
 
-    def __init__(self, masks: Sequence[np.ndarray], window: Window | None = None) -> None:
-        self.masks = masks
-        self.window = window or Window(0, masks[0].shape[0], 0, masks[0].shape[1])
+    masks: Sequence[np.ndarray]
+    window: Window
+
+    def __post_init__(self) -> None:
+        top, bottom, left, right = self.window
+        for mask in self.masks:
+            if mask.shape != (bottom - top, right - left):
+                raise ValueError(f"masks: expected the size of {self.window}, got {mask.shape}; cut them.")
 
     @cached_property
     def anywhere(self) -> np.ndarray:
@@ -32,8 +42,8 @@ class Covered:
             np.logical_or(somewhere, mask, out=somewhere)
         return somewhere
 
-    def part(self, plane: np.ndarray) -> np.ndarray:
-        """Return the part of a plane of the picture, (row, column).
+    def cut(self, plane: np.ndarray) -> np.ndarray:
+        """Return the window of a plane of the picture, (row, column).
 
         Args:
             plane: The plane, (height, width).
@@ -56,11 +66,26 @@ class Covered:
         Args:
             shape: Height and width of the picture [px].
             small: The same of the planes of its colours.
+
+        Raises:
+            ValueError: The window is not of whole samples.
         """
+        if self.window != whole_samples(self.window, shape, small):
+            raise ValueError(f"window: expected whole samples of {small} in {shape}, got {self.window}.")
         (down, across), (top, bottom, left, right) = _pixels_of_a_sample(shape, small), self.window
         window = Window(round(top / down), round(bottom / down), round(left / across), round(right / across))
         size = window.bottom - window.top, window.right - window.left
-        return Covered(on_all_cores(lambda mask: shrunk(mask, size), self.masks), window)
+        return Covered(on_all_cores(lambda mask: reduced_mask(mask, size), self.masks), window)
+
+
+def covered_whole(masks: Sequence[np.ndarray]) -> Covered:
+    """Return what masks of whole pictures cover.
+
+    Args:
+        masks: For each frame, at least one, the covered pixels, bool (height, width).
+    """
+    height, width = masks[0].shape
+    return Covered(masks, Window(0, height, 0, width))
 
 
 def whole_samples(window: Window, shape: tuple[int, ...], small: tuple[int, ...] | None) -> Window:
@@ -82,7 +107,7 @@ def whole_samples(window: Window, shape: tuple[int, ...], small: tuple[int, ...]
     return Window(top, bottom * down, left, right * across)
 
 
-def shrunk(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def reduced_mask(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Reduce a mask; a pixel is set where any of its parts is.
 
     Args:

@@ -67,7 +67,7 @@ def fill_moving(
         _unmark(shown, usual, near, columns, marks)
 
 
-@njit(cache=True, nogil=True, **UNCOUNTED)
+@njit(cache=True, **UNCOUNTED)
 def _fill_squares(row: np.ndarray, behind: np.ndarray, squares: np.ndarray) -> None:
     """Fill ``squares`` with the squared differences of a row of a picture from the background, (pixel,)."""
     for x in range(len(squares)):
@@ -75,7 +75,7 @@ def _fill_squares(row: np.ndarray, behind: np.ndarray, squares: np.ndarray) -> N
         squares[x] = difference * difference
 
 
-@njit(cache=True, nogil=True, **UNCOUNTED)
+@njit(cache=True, **UNCOUNTED)
 def _add_squares(row: np.ndarray, behind: np.ndarray, squares: np.ndarray) -> None:
     """Add the same of another plane."""
     for x in range(len(squares)):
@@ -83,7 +83,7 @@ def _add_squares(row: np.ndarray, behind: np.ndarray, squares: np.ndarray) -> No
         squares[x] += difference * difference
 
 
-@njit(cache=True, nogil=True, **UNCOUNTED)
+@njit(cache=True, **UNCOUNTED)
 def _mark_changed(
     squares: np.ndarray,
     noise: np.ndarray,
@@ -99,7 +99,7 @@ def _mark_changed(
         marks[x] = (squares[x] > deviation * deviation) & counts[x]
 
 
-@njit(cache=True, nogil=True, **UNCOUNTED)
+@njit(cache=True, **UNCOUNTED)
 def _unmark(
     shown: tuple[np.ndarray, np.ndarray],
     usual: tuple[np.ndarray, np.ndarray],

@@ -19,7 +19,7 @@ and beyond which it never does."""
 BLOCK = 512
 """Pixels searched at once: what all frames show of them fills whole registers and fits a cache."""
 GROUP = 252
-"""Samples of a pixel that are counted at once: fours of them, in 8 bits."""
+"""Samples of a pixel that are counted at once: the most that are fours, and that 8 bits hold."""
 BRIGHTEST = np.uint8(255)
 """Grey level that lies below none."""
 
@@ -36,9 +36,9 @@ def masked_median(
     one side of it, and does not count, however little it differs.
 
     Args:
-        stack: Grey levels, uint8 (frame, height, width), contiguous.
-        hidden: True where a sample does not count, bool (frame, height, width), or of length 0 when all
-            count.
+        stack: Grey levels, uint8 (frame, height, width), in C order.
+        hidden: True where a sample does not count, bool (frame, height, width), in C order, or of length 0
+            when all count.
         with_noise: False where the noise is not wanted, which takes most of the time; it is 0 then.
 
     Returns:
@@ -107,8 +107,10 @@ def _narrowed(block: np.ndarray, lowest: np.ndarray) -> int:
 
 @njit(cache=True, **UNCOUNTED)
 def _mark_shown(hidden: np.ndarray, shown: np.ndarray, count: np.ndarray) -> None:
-    """Mark the samples of a block that count, (frame, pixel), and count them; where none does, all of them
-    do."""
+    """Mark which samples of the first pixels of a block, (frame, ``BLOCK``), count; and count them, (pixel,).
+
+    Where none does, all of them do.
+    """
     frames, pixels = hidden.shape
     count[:] = 0
     for k in range(frames):
@@ -135,11 +137,12 @@ def _fill_levels(
     """Fill ``levels`` (``BLOCK``,) with the level below which a share of the samples of a block lie, (frame,
     ``BLOCK``), interpolated within it by its share of the counts.
 
-    All pixels of the block are searched at once above their lowest levels, bit by bit from the highest one: a
-    pass over the samples for each bit, the same simple operation for every pixel, which fills registers.
+    All pixels of the block are searched at once above their lowest levels, (``BLOCK``,), within so many bits,
+    from the highest one: a pass over the samples for each bit, the same simple operation for every pixel,
+    which fills registers.
     """
     total, wanted, below = np.zeros(BLOCK, np.uint16), np.zeros(BLOCK, np.uint16), np.zeros(BLOCK, np.uint16)
-    less, most, part = np.zeros(BLOCK, np.uint16), np.zeros(BLOCK, np.uint16), np.zeros(BLOCK, np.uint8)
+    less, most, partial = np.zeros(BLOCK, np.uint16), np.zeros(BLOCK, np.uint16), np.zeros(BLOCK, np.uint8)
     found, limit = np.zeros(BLOCK, np.uint8), np.zeros(BLOCK, np.uint8)
     for k in range(len(block)):
         for x in range(BLOCK):
@@ -151,7 +154,7 @@ def _fill_levels(
         step = np.uint8(1 << bit)
         for x in range(BLOCK):
             limit[x] = found[x] + step
-        _count_below(block, limit, part, below)
+        _count_below(block, limit, partial, below)
         # fewer than wanted lie below the level with this bit: it is that level or a higher one
         for x in range(BLOCK):
             higher = below[x] < wanted[x]
@@ -164,30 +167,30 @@ def _fill_levels(
 
 
 @njit(cache=True, **UNCOUNTED)
-def _count_below(block: np.ndarray, limit: np.ndarray, part: np.ndarray, below: np.ndarray) -> None:
+def _count_below(block: np.ndarray, limit: np.ndarray, partial: np.ndarray, below: np.ndarray) -> None:
     """Count the samples of a block, (frame, ``BLOCK``), below a level of each pixel, (``BLOCK``,).
 
-    ``part``, as large, is room for the counts of a group.
+    ``partial``, as large, is room for the counts of a group.
     """
     below[:] = 0
     for first in range(0, len(block), GROUP):
         group = block[first : first + GROUP]
         fours = len(group) // 4 * 4
-        part[:] = 0
+        partial[:] = 0
         # of four frames at a time: what is counted is read and written less often
         for k in range(0, fours, 4):
             one, two, three, four = group[k], group[k + 1], group[k + 2], group[k + 3]
             for x in range(BLOCK):
                 level = limit[x]
-                part[x] += np.uint8(
+                partial[x] += np.uint8(
                     np.uint8(np.uint8(one[x] < level) + np.uint8(two[x] < level))
                     + np.uint8(np.uint8(three[x] < level) + np.uint8(four[x] < level))
                 )
         for k in range(fours, len(group)):
             for x in range(BLOCK):
-                part[x] += np.uint8(group[k, x] < limit[x])
+                partial[x] += np.uint8(group[k, x] < limit[x])
         for x in range(BLOCK):
-            below[x] += part[x]
+            below[x] += partial[x]
 
 
 @njit(cache=True, error_model="numpy")

@@ -44,7 +44,8 @@ class MovingColours(NamedTuple):
     """Colours of what moves.
 
     Attributes:
-        colours: Grey level, blue and red difference of each colour, (colour, 3).
+        colours: Grey level, blue and red difference of each colour, (colour, 3); the last two stand for
+            nothing where grey alone counts.
         grey_only: True where grey alone distinguishes what moves from the background.
         varied: True where the colours leave much of it unexplained (a shiny rod).
         contrast: Least difference of a pixel that has changed [grey levels].
@@ -133,7 +134,7 @@ def lingering(samples: Sequence[Frame], background: Background, found: MovingCol
     window = whole_samples(extent, shape, small)
     masks = np.zeros((len(samples), window.bottom - window.top, window.right - window.left), dtype=np.bool_)
     masks[:, rows - window.top, columns - window.left] = on_all_cores(looks_like, samples)
-    return Covered(list(masks), window)
+    return Covered(list(masks), window) if masks.any() else None
 
 
 def _is_varied(pixels: np.ndarray, colours: np.ndarray, grey_only: bool) -> bool:

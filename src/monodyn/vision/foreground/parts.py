@@ -92,6 +92,27 @@ def moving_parts(thumbnails: Thumbnails, samples: Sequence[int], size: tuple[int
     return Parts(ranked[labels], len(large), size)
 
 
+def window_around(cells: np.ndarray, size: tuple[int, int]) -> Window:
+    """Return the rectangle around cells of the thumbnails, with a margin; without any the picture.
+
+    Args:
+        cells: The cells, bool (row, column).
+        size: Width and height of the clip's pictures [px].
+    """
+    width, height = size
+    rows, columns = np.nonzero(cells.any(axis=1))[0], np.nonzero(cells.any(axis=0))[0]
+    if not len(rows):
+        return Window(0, height, 0, width)
+    scale_y, scale_x = height / cells.shape[0], width / cells.shape[1]
+    margin = max(16, height // 24)
+    return Window(
+        max(0, int(rows[0] * scale_y) - margin),
+        min(height, int((rows[-1] + 1) * scale_y) + margin),
+        max(0, int(columns[0] * scale_x) - margin),
+        min(width, int((columns[-1] + 1) * scale_x) + margin),
+    )
+
+
 def moving_cells(thumbnails: Thumbnails) -> np.ndarray:
     """Return where anything moves, lone cells aside, bool (height, width).
 
@@ -129,24 +150,3 @@ def moving_outside(thumbnails: Thumbnails, window: Window, size: tuple[int, int]
 def _changing_cells(thumbnails: Thumbnails) -> np.ndarray:
     """Return where the thumbnails change by more than noise, bool (height, width)."""
     return np.any(thumbnails.ranges > thumbnails.still, axis=0)
-
-
-def window_around(cells: np.ndarray, size: tuple[int, int]) -> Window:
-    """Return the rectangle around cells of the thumbnails, with a margin; without any the picture.
-
-    Args:
-        cells: The cells, bool (row, column).
-        size: Width and height of the clip's pictures [px].
-    """
-    width, height = size
-    rows, columns = np.nonzero(cells.any(axis=1))[0], np.nonzero(cells.any(axis=0))[0]
-    if not len(rows):
-        return Window(0, height, 0, width)
-    scale_y, scale_x = height / cells.shape[0], width / cells.shape[1]
-    margin = max(16, height // 24)
-    return Window(
-        max(0, int(rows[0] * scale_y) - margin),
-        min(height, int((rows[-1] + 1) * scale_y) + margin),
-        max(0, int(columns[0] * scale_x) - margin),
-        min(width, int((columns[-1] + 1) * scale_x) + margin),
-    )

@@ -89,14 +89,14 @@ class _Sample:
 
     def within(self, low: float, high: float) -> np.ndarray:
         """Return where a shadow of such ratios may be, bool (row, column)."""
-        found = np.zeros_like(self.moves)
+        found = np.zeros(self.moves.shape, dtype=np.bool_)
         found.ravel()[self.at[self.darkened & (self.ratio >= low) & (self.ratio < high)]] = True
         return found
 
     @property
-    def ratios(self) -> np.ndarray:
+    def ratio_picture(self) -> np.ndarray:
         """The ratios in their places, 0 elsewhere, float32 (row, column)."""
-        found = np.zeros_like(self.behind)
+        found = np.zeros(self.behind.shape, dtype=np.float32)
         found.ravel()[self.at] = self.ratio
         return found
 
@@ -346,11 +346,11 @@ def _detail_shown(samples: list[_Sample], shadows: list[np.ndarray]) -> tuple[fl
             return nothing, nothing, nothing
         # what is farther away than a window is in none
         cut = (_grown(rows, DETAIL), _grown(columns, DETAIL))
-        shadow, ratio, behind = shadow[cut], sample.ratios[cut], sample.behind[cut]
+        shadow, ratio, behind = shadow[cut], sample.ratio_picture[cut], sample.behind[cut]
         weight = shadow.astype(np.float32)
         around = np.maximum(cv2.blur(weight, size), 1e-6)
-        level, wall = ((v - cv2.blur(weight * v, size) / around)[shadow] for v in (ratio * behind, behind))
-        return level, wall, ratio[shadow]
+        level, plain = ((v - cv2.blur(weight * v, size) / around)[shadow] for v in (ratio * behind, behind))
+        return level, plain, ratio[shadow]
 
     found = on_all_cores(shown_by, zip(samples, shadows, strict=True))
     level, behind, ratios = (np.concatenate(values) for values in zip(*found, strict=True))

@@ -20,7 +20,7 @@ from monodyn.types import Frame, Mask, Progress
 from monodyn.vision.clip.steady import NO_PARALLAX, Parallax, displaced
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background, Samples, background_of, within
-from monodyn.vision.foreground.covered import Covered
+from monodyn.vision.foreground.covered import covered_whole
 from monodyn.vision.foreground.light import Light, in_one_light, light_of
 from monodyn.vision.foreground.masks import GeomColours, View
 from monodyn.vision.foreground.moving_colours import lingering, moving_colours
@@ -179,7 +179,7 @@ class SoftMasks(Sampled):
             ]
         background, settings = self.background, self.settings
         if not background.given:
-            background = background_of(self.samples, Covered(covered), fallback=background)
+            background = background_of(self.samples, covered_whole(covered), fallback=background)
         found = moving_colours(self.samples.frames, background, settings.colour, settings.contrast)
         return replace(self, background=background, palette=palette_of(found, background))
 
@@ -220,7 +220,7 @@ def _masks_over(
     found = moving_colours(samples.frames, background, settings.colour, settings.contrast)
     # a mechanism that rests most of the time is part of the first background: it is taken out of it once
     covered = None if background.given else lingering(samples.frames, background, found)
-    if covered is not None and covered.anywhere.any():
+    if covered is not None:
         top, bottom, left, right = background.window
         few = np.count_nonzero(covered.anywhere) < FEW_LINGER * (bottom - top) * (right - left)
         background = background_of(samples, covered, fallback=background)

@@ -167,8 +167,7 @@ def scene_span(thumbnails: Thumbnails, contrast: float, whole: tuple[int, int]) 
     # where neither end still changes, as is mostly so, both show the scene
     if not np.any(_differs(thumbnails, usual, [0, -1], STILL_DEVIATION)):
         return whole
-    every = slice(None)
-    unlike, changing = (_differs(thumbnails, usual, every, level) for level in (contrast, STILL_DEVIATION))
+    unlike, changing = _differs(thumbnails, usual, slice(None), contrast, STILL_DEVIATION)
     first = _prelude(unlike, changing)
     stop = len(unlike) - _prelude(unlike[::-1], changing[::-1])
     number = thumbnails.number
@@ -188,7 +187,8 @@ def _prelude(unlike: np.ndarray, changing: np.ndarray) -> int:
 
 
 class _Usual(NamedTuple):
-    """What is usually still: every how many cells, which of these, (point,), and what they show."""
+    """What is usually still: every how many cells, which of these, bool (point,), and their grey levels,
+    float32 (point,)."""
 
     step: int
     still: np.ndarray
@@ -207,18 +207,22 @@ def _usual(thumbnails: Thumbnails) -> _Usual:
 
 def _probed(thumbnails: Thumbnails, rows: slice | list[int], step: int) -> np.ndarray:
     """Return the grey level of some of the cells in some of the frames, float32 (frame, point)."""
-    # the planes follow one another: cut first, they would be copied whole
+    # all channels of a frame follow one another, so that to cut the first one out first would copy it
     cells = thumbnails.planes[0, 0].size
     grey = thumbnails.planes.reshape(len(thumbnails.number), -1)[:, :cells:step]
     return grey[rows].astype(np.float32)
 
 
-def _differs(thumbnails: Thumbnails, usual: _Usual, rows: slice | list[int], level: float) -> np.ndarray:
-    """Return which of some frames are off by more than a level in much of what is usually still, (frame,)."""
+def _differs(
+    thumbnails: Thumbnails, usual: _Usual, rows: slice | list[int], *levels: float
+) -> list[np.ndarray]:
+    """Return which of some frames are off by more than each level in much of what is usually still, bool
+    (frame,)."""
     # where nothing is usually still, there is nothing to compare with
     if np.mean(usual.still) < CHANGED_SHARE:
-        return np.zeros(len(thumbnails.number[rows]), dtype=bool)
+        return [np.zeros(len(thumbnails.number[rows]), dtype=bool) for _ in levels]
     change = _probed(thumbnails, rows, usual.step)[:, usual.still]
     change -= usual.level[usual.still]
     np.abs(change, out=change)
-    return np.count_nonzero(change > level, axis=1) > CHANGED_SHARE * np.count_nonzero(usual.still)
+    most = CHANGED_SHARE * np.count_nonzero(usual.still)
+    return [np.count_nonzero(change > level, axis=1) > most for level in levels]
