@@ -302,7 +302,9 @@ def fitting(ready: Ready, repeats: int) -> list[Figure]:
     )
     case = f"{FITTED} frames of {ready.video.path.name}"
     return [
-        Figure(case, "fit, one start, compiled", 1e3 * float(np.median(seconds["fit"])), "ms", 33.0),
+        Figure(
+            case, "all of identify, one start, compiled", 1e3 * float(np.median(seconds["fit"])), "ms", 33.0
+        ),
         Figure(case, "the same, fastest", 1e3 * float(seconds["fit"].min()), "ms"),
         Figure(case, "prediction with its spread", 1e3 * float(np.median(seconds["predict"])), "ms"),
     ]
