@@ -55,10 +55,14 @@ types: $(READY)
 docs: $(READY)  ## check that the documentation says what the code does
 	$(BIN)/python -m pytest tests/test_docs.py tests/test_architecture.py tests/test_messages.py
 
-bench: $(READY)  ## accuracy (needs MONODYN_DATA) and speed tables
-	@if test -n "$$MONODYN_DATA"; then $(BIN)/python benchmarks/accuracy.py && $(BIN)/python benchmarks/published.py; \
-	else echo "accuracy.py, published.py: SKIPPED, MONODYN_DATA is not set; it names the folder with the recordings."; fi
+bench: $(READY)  ## accuracy and growth (need MONODYN_DATA), speed, next to mujoco.sysid too, and streams: ten minutes
+	@if test -n "$$MONODYN_DATA"; then $(BIN)/python benchmarks/accuracy.py && $(BIN)/python benchmarks/published.py \
+	&& $(BIN)/python benchmarks/encoders.py --only scaling; \
+	else echo "accuracy.py, published.py, encoders.py: SKIPPED, MONODYN_DATA is not set; it names the folder with the recordings."; fi
 	$(BIN)/python benchmarks/speed.py
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev,bench]'
+	$(BIN)/python benchmarks/against_sysid.py
+	$(BIN)/python benchmarks/live.py --only paced
 
 FUZZ ?= --cases 1000
 fuzz: $(READY)  ## a thousand cases of bad input, signals, full disks, two runs at once; FUZZ="--cases 100 --seed 7"

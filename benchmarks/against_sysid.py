@@ -58,6 +58,8 @@ TARGET = 50.0
 """Times that Monodyn is faster than mujoco.sysid, at least."""
 FROM_NOTHING = {40: 33.0}
 """Most time of a search from nothing by the frames of the record [ms]."""
+BASELINE = Path(__file__).parent / "baseline" / "against_sysid.json"
+"""Figures of an earlier run, with which those of this one are compared."""
 ONE_MORE = {40: 10.0}
 """Most time of a fit from the optimum of the frames before, likewise [ms]."""
 
@@ -93,7 +95,7 @@ def main() -> int:
     for frames in SPANS:
         figures += compared(recorded(frames), max(options.repeats, 1))
     print(table(figures))
-    return finish(figures, to=options.json, gate=options.gate)
+    return finish(figures, to=options.json, gate=options.gate, baseline=BASELINE)
 
 
 def compared(poses: Poses, repeats: int) -> list[Figure]:

@@ -9,7 +9,7 @@ import platform
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -18,6 +18,10 @@ import numpy as np
 
 PACKAGES = ("monodyn", "numpy", "scipy", "numba", "mujoco-core", "av", "opencv-python-headless")
 """Libraries whose versions are written down with the figures."""
+SIDE_BY_SIDE = ("times", "MB")
+"""Units of what hardly depends on the machine: ratios of times, and memory."""
+SLACK = 1.25
+"""By which factor such a figure may be worse than in the baseline: two runs differ by up to a sixth."""
 BOUND_COLUMN = 4
 NUMBER_COLUMNS = (2, 3, BOUND_COLUMN)
 """Columns of the table that are numbers: measured, target, bound."""
@@ -100,13 +104,14 @@ def command_line(text: str | None, names: Sequence[str]) -> argparse.ArgumentPar
     return parser
 
 
-def finish(figures: Sequence[Figure], *, to: Path | None, gate: bool) -> int:
+def finish(figures: Sequence[Figure], *, to: Path | None, gate: bool, baseline: Path | None = None) -> int:
     """Print how many targets were missed and write the figures as JSON where asked.
 
     Args:
         figures: The figures.
         to: File for the JSON, or None.
-        gate: True when a missed target is an error.
+        gate: True when a missed target is an error, and what is worse than the baseline.
+        baseline: File of such JSON with which they are compared, or None.
 
     Returns:
         The exit code.
@@ -116,9 +121,37 @@ def finish(figures: Sequence[Figure], *, to: Path | None, gate: bool) -> int:
     print(f"\n{asked - len(missed)} of {asked} targets reached.")
     for figure in missed:
         print(f"missed: {figure.case}, {figure.name}: {_number(figure.value)} {figure.unit}")
+    lost = [] if baseline is None else list(worse(figures, baseline))
+    for line in lost:
+        print(f"worse than the baseline: {line}")
     if to is not None:
         save(figures, to)
-    return 1 if gate and missed else 0
+    return 1 if gate and (missed or lost) else 0
+
+
+def worse(figures: Sequence[Figure], baseline: Path) -> Iterator[str]:
+    """Compare figures with those of an earlier run, perhaps of another machine.
+
+    Only what has a target counts, and of it what was measured side by side in one run, and memory.
+
+    Args:
+        figures: The figures.
+        baseline: The JSON of the earlier run.
+
+    Returns:
+        A line for each figure that is worse by more than ``SLACK``; those that only one run has are left out.
+    """
+    rows = json.loads(baseline.read_text(encoding="utf-8"))["figures"]
+    before = {(row["case"], row["name"]): row["value"] for row in rows}
+    for figure in figures:
+        known = before.get((figure.case, figure.name))
+        if known is None or figure.target is None or figure.unit not in SIDE_BY_SIDE:
+            continue
+        grown = known / figure.value if figure.least else figure.value / known
+        # NaN is worse than anything
+        if not grown <= SLACK:
+            now, then = _number(figure.value), _number(known)
+            yield f"{figure.case}, {figure.name}: {now} {figure.unit}, {then} before"
 
 
 def save(figures: Sequence[Figure], path: Path) -> None:

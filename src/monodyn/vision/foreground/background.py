@@ -54,10 +54,10 @@ class Background:
     deviation: np.ndarray | None = None
     others: np.ndarray | None = None
 
-    @property
+    @cached_property
     def pixel_noise(self) -> np.ndarray:
-        """Standard deviation of each pixel over time, (height, width) or (1, 1) [grey levels]."""
-        return np.full((1, 1), self.noise, np.float32) if self.deviation is None else self.deviation
+        """Standard deviation of each pixel over time, float32 (height, width) [grey levels]."""
+        return np.full(self.luma.shape, self.noise, np.float32) if self.deviation is None else self.deviation
 
     @property
     def counts(self) -> np.ndarray:

@@ -54,7 +54,7 @@ def least_contrast(samples: Sequence[Frame], background: Background, grey_only: 
         The difference [grey levels].
     """
     step = thinning(background.luma.shape)
-    noise = np.broadcast_to(background.pixel_noise, background.luma.shape)[::step, ::step]
+    noise = background.pixel_noise[::step, ::step]
     least, counts = (CHANGED_NOISE * noise) ** 2, background.counts[::step, ::step]
     behind = thinned(background.luma, None if grey_only else background.chroma, step)
 
@@ -133,10 +133,8 @@ def _scenery(background: Background, around: np.ndarray, grey_only: bool, window
     shape = background.luma.shape
     chroma = () if grey_only else background.chroma or ()
     tint = [_cut(plane, window, shape) for plane in chroma]
-    noise = np.broadcast_to(background.pixel_noise, shape)
-    luma, noise, counts = (
-        _cut(plane, window, shape) for plane in (background.luma, noise, background.counts)
-    )
+    planes = (background.luma, background.pixel_noise, background.counts)
+    luma, noise, counts = (_cut(plane, window, shape) for plane in planes)
     rows = np.arange(window.top, window.bottom) * around.shape[1] // shape[0]
     columns = np.arange(window.left, window.right) * around.shape[2] // shape[1]
     top, bottom, left, right = background.window

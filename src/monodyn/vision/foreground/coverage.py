@@ -153,10 +153,8 @@ def _any_difference(
         chroma = np.ascontiguousarray(way.cut(blue**2 + red**2))
     # borders that stand out more than the least contrast keep their profile up to twice the range
     full, most = (ANY_CONTRAST, FULL) if palette.varied else (2 * ANY_CONTRAST, 255)
-    rows, columns = slice(window.top, window.bottom), slice(window.left, window.right)
-    noise = np.broadcast_to(background.pixel_noise, out.shape)[rows, columns].copy()
     levels = np.array([ANY_BEYOND * palette.contrast, FULL / (full * palette.contrast), most], np.float32)
-    _differing(frame.luma, chroma, background.luma, noise, window, levels, out)
+    _differing(frame.luma, chroma, background.luma, background.pixel_noise, window, levels, out)
 
 
 class _Enlarged(NamedTuple):
@@ -307,14 +305,14 @@ def _differing(
     """Fill ``out`` with the size of the difference beyond the least that counts, times a scale.
 
     ``chroma``, the squared difference of the colours in the window, has length 0 when grey alone counts;
-    ``noise`` is that of the window, and ``levels`` holds the least difference, the scale and the most.
+    ``levels`` holds the least difference, the scale and the most.
     """
     beyond, scale, most = levels[0], levels[1], levels[2]
     none, weight, counts = np.float32(0.0), np.float32(CHROMA_WEIGHT), np.float32(ANY_NOISE)
     left, right = window.left, window.right
     for y in range(window.top, window.bottom):
         shown, behind, covered = luma[y][left:right], background[y][left:right], out[y][left:right]
-        usual = noise[y - window.top]
+        usual = noise[y][left:right]
         for x in range(right - left):
             difference = np.float32(shown[x]) - behind[x]
             square = difference * difference

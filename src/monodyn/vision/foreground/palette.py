@@ -153,7 +153,7 @@ def _palette(
     if light is not None and not grey_only and background.chroma is not None:
         small = [_resized(background.luma, background.chroma[0].shape[::-1]), *background.chroma]
         dimmed = np.empty(shape, np.float32), _dimming(small, colours, light, background.noise)
-    noise = np.broadcast_to(background.pixel_noise, shape[1:])
+    noise = background.pixel_noise
     scale = np.empty(shape, np.float32)
     trust = np.empty((shape[0] + (any_trust is not None), *shape[1:]), np.float32)
     step = max(1, AT_ONCE // shape[2])

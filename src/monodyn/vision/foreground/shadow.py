@@ -170,7 +170,7 @@ def unshadowed(
     dark = cv2.blur(core * luma / np.maximum(behind, 1.0), size)[near] / weight[near]
     # within the shadow nothing is covered; next to it the background is as dark as there
     wall = np.where(core[near] > 0, luma[near], behind[near] * dark)
-    noise = np.broadcast_to(background.pixel_noise, background.luma.shape)[box][cut][near]
+    noise = background.pixel_noise[box][cut][near]
     apart = luma[near] - wall
     for plane, colour in zip(planes, colours[:, 0], strict=False):
         step = colour - wall
@@ -222,7 +222,7 @@ def _dark_part(
 def _wall(background: Background, contrast: float, step: int) -> _Wall:
     """Return every ``step``-th pixel of the background, to both sides."""
     grey, *tint = thinned(background.luma, background.chroma, step)
-    noise = np.broadcast_to(background.pixel_noise, background.luma.shape)[::step, ::step]
+    noise = background.pixel_noise[::step, ::step]
     least = np.where(background.counts[::step, ::step], np.maximum(contrast, CHANGED_NOISE * noise), np.inf)
     return _Wall(grey, tint, least)
 
