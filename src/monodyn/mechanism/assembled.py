@@ -14,7 +14,7 @@ from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, COM_X, COM_Y, INERTIA, MA
 from monodyn.uncounted import UNCOUNTED
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def links_of_many(plan, values, own):  # pragma: no cover - compiled
     """Compute the columns of ``Tree.links``, (dof, column, step), for many values, (param, step) of one type.
 

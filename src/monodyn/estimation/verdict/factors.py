@@ -24,7 +24,7 @@ from monodyn.mechanism.tree import (
 )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def factors(parent, kind, links, gravity, absolute):  # pragma: no cover - compiled
     """Return the factors of the equations of motion, (feature, draw), and what divides ratios, (draw,).
 

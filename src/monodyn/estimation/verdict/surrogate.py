@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from monodyn.arrays import plain
+from monodyn.cores import on_all_cores
 from monodyn.estimation.shooting.prior import PROPORTION_STD, size_ratios
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
@@ -30,6 +31,8 @@ HELD = 1e-12
 """Directions with less than this share of the largest information count as without any."""
 BESIDES = ("roll", "time_scale", "period", "lag", "torque")
 """Kinds on which the motion depends in addition to the inertias."""
+AT_ONCE = 64
+"""Draws whose features are computed at a time."""
 STEP = 1e-30
 """Complex step, whose square vanishes."""
 SMALLEST = 0.1
@@ -160,12 +163,21 @@ class Sizes:
         Args:
             points: Points, (draw, param).
         """
-        draws, count = points.shape
+        count = points.shape[1]
         steps = np.concatenate((1j * STEP * np.eye(count), np.zeros((1, count))))
-        moved = (points[:, None] + steps).reshape(-1, count)
-        found = self.shown(moved).reshape(-1, draws, count + 1)
-        slopes = np.ascontiguousarray(np.moveaxis(np.imag(found[:, :, :-1]), 1, 0))
-        return np.real(found[:, :, -1]).T, slopes / STEP
+
+        def some(first: int) -> tuple[np.ndarray, np.ndarray]:
+            """Return both of some of the draws."""
+            near = points[first : first + AT_ONCE]
+            found = self.shown((near[:, None] + steps).reshape(-1, count)).reshape(-1, len(near), count + 1)
+            slopes = np.ascontiguousarray(np.moveaxis(np.imag(found[:, :, :-1]), 1, 0))
+            return np.real(found[:, :, -1]).T, slopes / STEP
+
+        parts = on_all_cores(some, range(0, max(len(points), 1), AT_ONCE))
+        if len(parts) == 1:
+            return parts[0]
+        shown, slopes = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return shown, slopes
 
 
 @dataclass(frozen=True, eq=False)
