@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from monodyn import cores
@@ -188,3 +189,18 @@ def test_threads_share_one_heap() -> None:
     ]
     assert found[0] >= 2
     assert found[1] == 0
+
+
+def test_numbers_that_overflow_are_let_pass_where_the_caller_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two items meet: each is worked on by a thread of its own."""
+    monkeypatch.setattr(cores, "_cores", lambda: 2)
+    both = threading.Barrier(2, timeout=10.0)
+
+    def overflowed(value: float) -> float:
+        both.wait()
+        return float(np.exp(np.array([value]))[0])
+
+    with np.errstate(over="ignore"):
+        assert on_all_cores(overflowed, [1e4, 2e4]) == [np.inf, np.inf]
+    with np.errstate(over="raise"), pytest.raises(FloatingPointError):
+        on_all_cores(overflowed, [1e4, 2e4])

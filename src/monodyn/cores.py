@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager
+from contextvars import copy_context
 from functools import cache
 from typing import TypeVar
 
@@ -68,7 +69,8 @@ def on_all_cores(
     threads, jobs = _threads(os.getpid(), cores - 1), []
     try:
         for _ in range(others):
-            jobs.append(threads.submit(work))
+            # numpy's errors are treated as the caller treats them
+            jobs.append(threads.submit(copy_context().run, work))
         work()
         for job in jobs:
             # Where all threads are busy, as with work within work, nothing is left for them. One that has

@@ -165,15 +165,11 @@ class Sizes:
         """
         count = points.shape[1]
         steps = np.concatenate((1j * STEP * np.eye(count), np.zeros((1, count))))
-        # what the caller lets pass of what is no number does not reach another thread by itself
-        passing = np.geterr()
 
         def some(first: int) -> tuple[np.ndarray, np.ndarray]:
             """Return both of some of the draws."""
             near = points[first : first + AT_ONCE]
-            with np.errstate(**passing):
-                found = self.shown((near[:, None] + steps).reshape(-1, count))
-            found = found.reshape(-1, len(near), count + 1)
+            found = self.shown((near[:, None] + steps).reshape(-1, count)).reshape(-1, len(near), count + 1)
             slopes = np.ascontiguousarray(np.moveaxis(np.imag(found[:, :, :-1]), 1, 0))
             return np.real(found[:, :, -1]).T, slopes / STEP
 
