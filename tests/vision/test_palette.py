@@ -74,7 +74,7 @@ def test_borders_count_by_the_least_contrast_over_the_noise() -> None:
     np.testing.assert_allclose(measured_palette(palette, background, varied).trust[-1].max(), VARIED_TRUST)
 
 
-def test_a_background_that_is_cleared_of_a_little_keeps_its_colours() -> None:
+def test_over_a_background_cleared_of_a_little_kept_colours_do_as_well_as_new_ones() -> None:
     made = wandering()
     first = background_of(samples(made))
     found = moving_colours(made, first, "grey", 14.0)
