@@ -19,9 +19,8 @@ from monodyn.vision import settings as vision_settings
 from monodyn.vision.clip.steady import NO_PARALLAX, Parallax
 from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background, Samples, background_of
-from monodyn.vision.foreground.masks import GeomColours, Masks, View, plain_view
+from monodyn.vision.foreground.masks import GeomColours, Masks, View, Wanted, plain_view
 from monodyn.vision.foreground.sampling import sample_frames
-from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.settings import SegmentSettings
 from support import DEMO
 
@@ -38,7 +37,7 @@ class DifferenceMasks:
     background: Background
     varied: bool = True
 
-    def of(self, frame: Frame, window: Window | None = None) -> Mask:
+    def of(self, frame: Frame, wanted: Wanted | None = None) -> Mask:
         beyond = np.abs(frame.luma.astype(np.float32) - self.background.luma) - LEAST_GREY
         share = np.clip(beyond / (FULL_GREY - LEAST_GREY), 0.0, 1.0)
         return Mask(frame.index, frame.time, np.round(share * FULL).astype(np.uint8)[np.newaxis])

@@ -8,6 +8,7 @@ whole picture.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,17 +16,12 @@ import numpy as np
 from monodyn.arrays import usual_step
 from monodyn.mechanism.tree import HINGE
 from monodyn.types import Frame, Mask, Poses, Progress
-from monodyn.vision.drawing.follow import (
-    EVERYWHERE,
-    EdgeSearch,
-    MoveLimits,
-    outline_box,
-)
+from monodyn.vision.drawing.around import rows_around
+from monodyn.vision.drawing.follow import EVERYWHERE, EdgeSearch, MoveLimits
 from monodyn.vision.drawing.mismatch import covered_area
 from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of
 from monodyn.vision.drawing.shutter import SLOW_PX, way
-from monodyn.vision.foreground.masks import LEFT_OUT, Masks, View, planes_for
-from monodyn.vision.foreground.thumbnails import Window
+from monodyn.vision.foreground.masks import EVERY_PLANE, LEFT_OUT, PLANE, Masks, View, Wanted, planes_for
 from monodyn.vision.locating.keyframes import KeyFrame, key_frame, no_frames
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import as_thick, search_pose
@@ -164,6 +160,8 @@ class Follower:
         self._known = dict(zip(scene.key_frames, scene.key_positions, strict=True))
         step = usual_step(scene.masks.video.times)
         self._motion = Motion(np.where(self._hinge, np.pi, reach), step)
+        height, width = view.trust.shape[1:]
+        self._near_px = math.ceil(settings.first_reach + NEAR_SHARE * max(height, width))
         self._undrawn = ~np.isin(np.arange(len(self._lower)), self._rig.link)
         coloured = _have_own_planes(self._view.part, self._rig.link, len(self._lower))
         self._rule = Rule(settings.matched, settings.inside, self._move, coloured)
@@ -225,29 +223,17 @@ class Follower:
             return None
         start = starts[0] if expected is None else expected
         start = np.minimum(np.maximum(start, self._lower), self._upper)
-        window, known = self._around(start)
-        mask = self._read(self.scene.masks.of(frame, window))
-        found, kept = self._follow(mask, start, self._settings.first_reach, known)
+        mask = self._read(self.scene.masks.of(frame, self._around(start)))
+        found, kept = self._follow(mask, start, self._settings.first_reach, self._near_px)
         return self._concluded(mask, found, True) if kept and self._as_usual(found) else None
 
-    def _around(self, start: np.ndarray) -> tuple[Window, Window]:
-        """Return the part of the picture around a pose, and the same without end where it ends with the
-        picture: nothing is looked at beyond that."""
-        height, width = self._view.trust.shape[1:]
-        by = self._settings.first_reach + NEAR_SHARE * max(height, width)
-        top, bottom, left, right = outline_box(self._rig, start)
-        # a pose that cannot be drawn lies nowhere
-        if np.isnan(top):
-            return Window(0, 0, 0, 0), Window(0, 0, 0, 0)
-        first, last = max(int(top - by), 0), min(int(bottom + by), height)
-        begin, end = max(int(left - by), 0), min(int(right + by), width)
-        far = EVERYWHERE
-        return Window(first, last, begin, end), Window(
-            first if first > 0 else far.top,
-            last if last < height else far.bottom,
-            begin if begin > 0 else far.left,
-            end if end < width else far.right,
-        )
+    def _around(self, start: np.ndarray) -> Wanted:
+        """Return the part of a mask around the outline of a pose."""
+        wanted = rows_around(self._rig, start, self._view.part, self._near_px, self._view.trust.shape[1:])
+        if len(self._view.trust) == 1:
+            # the largest coverage counts there, by whatever colour
+            wanted.rows[:, PLANE] = EVERY_PLANE
+        return wanted
 
     def _read(self, mask: Mask) -> Mask:
         """Return a mask with the planes that the view describes."""
@@ -305,16 +291,16 @@ class Follower:
         return found
 
     def _follow(
-        self, mask: Mask, start: np.ndarray, first_reach: float, window: Window = EVERYWHERE
+        self, mask: Mask, start: np.ndarray, first_reach: float, known: float = EVERYWHERE
     ) -> tuple[Sighting, bool]:
         """Move a start pose onto the mask within the move limits, and judge each link; return in addition
-        whether only a window was looked at."""
+        whether nothing was looked at that is farther from the start's outline than ``known`` [px]."""
         reaches = self._long if first_reach > self._settings.first_reach else self._short
         lower = np.maximum(self._lower, start - self._move)
         upper = np.minimum(self._upper, start + self._move)
         limits, search = MoveLimits(lower, upper, self._move), EdgeSearch(reaches, self._settings.spacing)
         q, covariance, joints, shown, score, kept = sighted(
-            mask.planes, self._view, self._rig, start, limits, search, window, self._rule
+            mask.planes, self._view, self._rig, start, limits, search, known, self._rule
         )
         whole, some = bool((shown | self._undrawn).all()), bool(shown.any())
         if some and not whole:
@@ -323,7 +309,7 @@ class Follower:
             part = np.where(shown[self._rig.link], self._view.part, LEFT_OUT)
             view = self._view._replace(part=part)
             q, covariance, joints, _, _, kept = sighted(
-                mask.planes, view, self._rig, start, limits, search, window, self._rule
+                mask.planes, view, self._rig, start, limits, search, known, self._rule
             )
         if not some:
             joints[:] = False

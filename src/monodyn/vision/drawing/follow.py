@@ -19,17 +19,16 @@ from monodyn.vision.drawing.edges import (
     no_shifts,
 )
 from monodyn.vision.drawing.rig import Rig
-from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw
+from monodyn.vision.drawing.silhouette import draw
 from monodyn.vision.foreground.masks import View
-from monodyn.vision.foreground.thumbnails import Window
 
 SETTLED_PX = 0.005
 """Step with the last search length, rms over the samples, after which no further one is made: each is less
 than a tenth of the one before [px]."""
 BESIDE_PX = 1.5
 """How far beyond the end of a normal its value depends on the picture [px]."""
-EVERYWHERE = Window(-(1 << 30), 1 << 30, -(1 << 30), 1 << 30)
-"""Stands for a mask all of which is known."""
+EVERYWHERE = np.inf
+"""How far around the outline a mask is known of which nothing is left out [px]."""
 
 
 class MoveLimits(NamedTuple):
@@ -82,24 +81,6 @@ def follow(
     return position, information, agreement_of(found)
 
 
-# as short as ``sighted``, which comes after it
-@njit(cache=True)
-def outline_box(rig: Rig, position: np.ndarray) -> tuple[float, float, float, float]:
-    """Return where the outline of a pose lies.
-
-    Args:
-        rig: The mechanism and its camera.
-        position: Joint positions, (dof,).
-
-    Returns:
-        The least row, the largest, the least column and the largest [px]; NaN where the pose cannot be drawn.
-    """
-    outlines = blank_outlines(rig, rig.radius.shape[0])
-    if not draw(rig, position, outlines):
-        return np.nan, np.nan, np.nan, np.nan
-    return _box(outlines)
-
-
 @njit(cache=True, nogil=True)
 def follow_kernel(
     planes: np.ndarray,
@@ -108,7 +89,7 @@ def follow_kernel(
     start: np.ndarray,
     limits: MoveLimits,
     search: EdgeSearch,
-    window: Window,
+    known: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
     """Do the work of ``follow`` on a mask of which only a part may be known, for it and for other kernels.
 
@@ -119,7 +100,7 @@ def follow_kernel(
         start: Joint positions to start from, (dof,).
         limits: What holds the pose.
         search: How the edges are looked for.
-        window: The part of the mask that is known.
+        known: How far around the outline of the start the mask is known [px].
 
     Returns:
         Joint positions (dof,); their information matrix, (dof, dof); what is found on each link, in the
@@ -128,7 +109,9 @@ def follow_kernel(
     """
     shifts, room = no_shifts(rig), edge_room(rig)
     position, dofs = start.copy(), start.shape[0]
-    normal, found, kept = np.zeros((dofs, dofs)), np.zeros((dofs, LINK_COLUMNS)), True
+    normal, found = np.zeros((dofs, dofs)), np.zeros((dofs, LINK_COLUMNS))
+    kept = draw(rig, start, room.outlines)
+    begin = room.outlines.px.copy()
     # the spring also keeps the equations solvable when a link shows no edge at all
     damping = 1.0 / (limits.std * limits.std) + 1e-9
     last = search.reaches[-1]
@@ -136,7 +119,7 @@ def follow_kernel(
     # background's structure and other bodies' edges, which a long one takes for the outline's own.
     for reach in search.reaches:
         if draw(rig, position, room.outlines):
-            kept = kept and _within(room.outlines, reach, window)
+            kept = kept and _farthest(begin, room.outlines.px) + reach + BESIDE_PX <= known
             normal, right, found = drawn_edge_terms(
                 planes, view, rig, shifts, position, room, reach, search.spacing
             )
@@ -154,7 +137,7 @@ def follow_kernel(
             return position, normal, found, kept
     # once more, without the spring: the information is what the picture alone knows of the pose
     if draw(rig, position, room.outlines):
-        kept = kept and _within(room.outlines, last, window)
+        kept = kept and _farthest(begin, room.outlines.px) + last + BESIDE_PX <= known
         normal, _, found = drawn_edge_terms(planes, view, rig, shifts, position, room, last, search.spacing)
     else:
         normal, found = np.zeros((dofs, dofs)), np.zeros((dofs, LINK_COLUMNS))
@@ -162,23 +145,9 @@ def follow_kernel(
 
 
 @njit(cache=True, **UNCOUNTED)
-def _box(outlines: Outlines) -> tuple[float, float, float, float]:
-    """Return the least row of some outlines, the largest, the least column and the largest [px]."""
-    top, bottom, left, right = 1e18, -1e18, 1e18, -1e18
-    for k in range(outlines.px.shape[0]):
-        x, y = outlines.px[k, 0], outlines.px[k, 1]
-        top, bottom, left, right = min(top, y), max(bottom, y), min(left, x), max(right, x)
-    return top, bottom, left, right
-
-
-@njit(cache=True, **UNCOUNTED)
-def _within(outlines: Outlines, reach: float, window: Window) -> bool:
-    """Return whether the normals of some outlines lie in a window, with the pixels next to them."""
-    top, bottom, left, right = _box(outlines)
-    beyond = reach + BESIDE_PX
-    return (
-        top - beyond >= window.top
-        and bottom + beyond < window.bottom
-        and left - beyond >= window.left
-        and right + beyond < window.right
-    )
+def _farthest(one: np.ndarray, other: np.ndarray) -> float:
+    """Return how far points have moved at most along rows or columns, each (point, 2) [px]."""
+    most = 0.0
+    for k in range(one.shape[0]):
+        most = max(most, abs(one[k, 0] - other[k, 0]), abs(one[k, 1] - other[k, 1]))
+    return most

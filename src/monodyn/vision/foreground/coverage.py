@@ -11,6 +11,7 @@ from numba import njit
 from monodyn.types import FULL, Frame
 from monodyn.uncounted import INLINED, UNCOUNTED
 from monodyn.vision.foreground.background import Background, Window
+from monodyn.vision.foreground.masks import EVERY_PLANE, LEFT, PLANE, RIGHT, ROW, Wanted
 from monodyn.vision.foreground.palette import BLACK, CHROMA_WEIGHT, Palette
 from monodyn.vision.foreground.shadow import unshadowed
 
@@ -40,7 +41,7 @@ GREY, BLUE, RED = range(3)
 
 
 def coverage_of(
-    frame: Frame, background: Background, palette: Palette, window: Window | None = None
+    frame: Frame, background: Background, palette: Palette, wanted: Wanted | None = None
 ) -> np.ndarray:
     """Project each pixel's difference from the background on the mechanism's colours.
 
@@ -48,7 +49,7 @@ def coverage_of(
         frame: The picture.
         background: What it shows without the mechanism.
         palette: Colours and scale from ``palette_of``.
-        window: Part of the picture that is wanted; None for all of it.
+        wanted: Part of the mask that is wanted; None for all of it.
 
     Returns:
         Coverage by each colour, and by any difference where they vary, uint8 (plane, height, width),
@@ -56,32 +57,48 @@ def coverage_of(
         anything outside of the part that is wanted.
     """
     shape, inside = (len(palette.trust), *frame.luma.shape), background.window
-    if window is None:
+    if wanted is None:
         planes = np.zeros(shape, dtype=np.uint8)
     else:
         # a picture is large and the mechanism small: to write zeros over all of it costs more than the rest
-        planes = np.empty(shape, dtype=np.uint8)
+        planes, window = np.empty(shape, dtype=np.uint8), wanted.window
         if not _contains(inside, window):
             planes[:, window.top : window.bottom, window.left : window.right] = 0
         inside = _common(inside, _grown(window, _around(palette, shape[1:])))
     if inside.top < inside.bottom and inside.left < inside.right:
-        _cover(frame, background, palette, inside, planes)
+        # what depends on the pixels around is computed in a rectangle
+        apart = wanted is not None and palette.shadow is None and not palette.varied
+        rows = wanted.rows if wanted is not None and apart else _rows_of(inside)
+        _cover(frame, background, palette, inside, rows, planes)
     return planes
 
 
+def _rows_of(window: Window) -> np.ndarray:
+    """Return the stretches of a window, in all planes, as in ``Wanted``."""
+    rows = np.full((window.bottom - window.top, RIGHT + 1), EVERY_PLANE, dtype=np.int64)
+    rows[:, ROW] = np.arange(window.top, window.bottom)
+    rows[:, LEFT], rows[:, RIGHT] = window.left, window.right
+    return rows
+
+
 def _cover(
-    frame: Frame, background: Background, palette: Palette, window: Window, planes: np.ndarray
+    frame: Frame,
+    background: Background,
+    palette: Palette,
+    window: Window,
+    wanted: np.ndarray,
+    planes: np.ndarray,
 ) -> None:
-    """Fill the planes within a window."""
+    """Fill stretches of the planes, (stretch, 4), as far as they lie in a window."""
     colours = palette.colours.astype(np.float32)
     chroma = dimmed = NOTHING
     if not (palette.grey_only or frame.chroma is None or background.chroma is None):
         dimmed = palette.dimmed[0] if palette.dimmed is not None else NOTHING
         chroma = _chroma_part(frame.chroma, background, palette, window)
-    _project(frame.luma, chroma, background.luma, colours, dimmed, palette.scale, window, planes)
+    _project(frame.luma, chroma, background.luma, colours, dimmed, palette.scale, window, wanted, planes)
     rows, columns = slice(window.top, window.bottom), slice(window.left, window.right)
     if palette.any_difference:
-        _any_difference(frame, background, palette, window, planes[-1])
+        _any_difference(frame, background, palette, window, wanted, planes[-1])
         if palette.varied:
             inside = planes[:, rows, columns]
             planes[-1, rows, columns] = _closed(inside.max(axis=0), _closing(frame.luma.shape))
@@ -141,10 +158,15 @@ def _closed(coverage: np.ndarray, by: int) -> np.ndarray:
 
 
 def _any_difference(
-    frame: Frame, background: Background, palette: Palette, window: Window, out: np.ndarray
+    frame: Frame,
+    background: Background,
+    palette: Palette,
+    window: Window,
+    wanted: np.ndarray,
+    out: np.ndarray,
 ) -> None:
-    """Fill a window of ``out``, uint8 (height, width), with coverage from the size of the difference alone,
-    beyond the noise."""
+    """Fill stretches of ``out``, uint8 (height, width), as far as they lie in a window, with coverage from
+    the size of the difference alone, beyond the noise."""
     chroma = np.zeros((0, 0), dtype=np.float32)
     if not palette.grey_only and frame.chroma is not None and background.chroma is not None:
         way = _enlarged(window, frame.luma.shape, frame.chroma[0].shape)
@@ -154,7 +176,7 @@ def _any_difference(
     # borders that stand out more than the least contrast keep their profile up to twice the range
     full, most = (ANY_CONTRAST, FULL) if palette.varied else (2 * ANY_CONTRAST, 255)
     levels = np.array([ANY_BEYOND * palette.contrast, FULL / (full * palette.contrast), most], np.float32)
-    _differing(frame.luma, chroma, background.luma, background.pixel_noise, window, levels, out)
+    _differing(frame.luma, chroma, background.luma, background.pixel_noise, window, wanted, levels, out)
 
 
 class _Enlarged(NamedTuple):
@@ -249,27 +271,34 @@ def _project(
     dimmed: np.ndarray,
     scale: np.ndarray,
     window: Window,
+    wanted: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Fill ``out`` (colour, height, width) with the coverage by each colour within a window.
+    """Fill stretches of ``out`` (colour, height, width), as far as they lie in a window, with the coverage by
+    each colour.
 
-    ``chroma``, the part of the colours in it, has length 0 when grey alone counts, and ``dimmed``, how much
-    of each colour is taken out, where light is even; ``scale`` is ``FULL`` over the squared contrast.
+    ``chroma``, the part of the colours in the window, has length 0 when grey alone counts, and ``dimmed``,
+    how much of each colour is taken out, where light is even; ``scale`` is ``FULL`` over the squared
+    contrast.
     """
     # Rows are cut out, and the cases are separate loops without a branch: so they use vector registers.
-    left, right = window.left, window.right
-    for k in range(colours.shape[0]):
-        target = colours[k, GREY]
-        light = target - np.float32(BLACK[GREY])
-        for y in range(window.top, window.bottom):
-            shown, behind = luma[y][left:right], background[y][left:right]
+    for i in range(wanted.shape[0]):
+        y, left, right = _stretch(wanted[i], window)
+        if left >= right:
+            continue
+        shown, behind = luma[y][left:right], background[y][left:right]
+        for k in range(colours.shape[0]):
+            if wanted[i, PLANE] != k and wanted[i, PLANE] != EVERY_PLANE:
+                continue
+            target = colours[k, GREY]
+            light = target - np.float32(BLACK[GREY])
             gain, covered = scale[k, y][left:right], out[k, y][left:right]
             if chroma.shape[0] == 0:
                 for x in range(right - left):
                     b = behind[x]
                     covered[x] = _level((np.float32(shown[x]) - b) * (target - b) * gain[x])
                 continue
-            tint = chroma[k, y - window.top]
+            tint = chroma[k, y - window.top][left - window.left : right - window.left]
             if dimmed.shape[0] == 0:
                 for x in range(right - left):
                     b = behind[x]
@@ -280,6 +309,15 @@ def _project(
                 b = behind[x]
                 step = target - b - share[x] * light
                 covered[x] = _level(((np.float32(shown[x]) - b) * step + tint[x]) * gain[x])
+
+
+@njit(cache=True, **INLINED)
+def _stretch(wanted: np.ndarray, window: Window) -> tuple[int, int, int]:
+    """Return the row of a stretch (4,), its first column and the one past its last within a window."""
+    y = wanted[ROW]
+    if y < window.top or y >= window.bottom:
+        return 0, 0, 0
+    return y, max(wanted[LEFT], window.left), min(wanted[RIGHT], window.right)
 
 
 @njit(cache=True, fastmath=True, **INLINED)
@@ -299,25 +337,29 @@ def _differing(
     background: np.ndarray,
     noise: np.ndarray,
     window: Window,
+    wanted: np.ndarray,
     levels: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Fill ``out`` with the size of the difference beyond the least that counts, times a scale.
+    """Fill stretches of ``out``, as far as they lie in a window, with the size of the difference beyond the
+    least that counts, times a scale.
 
     ``chroma``, the squared difference of the colours in the window, has length 0 when grey alone counts;
     ``levels`` holds the least difference, the scale and the most.
     """
     beyond, scale, most = levels[0], levels[1], levels[2]
     none, weight, counts = np.float32(0.0), np.float32(CHROMA_WEIGHT), np.float32(ANY_NOISE)
-    left, right = window.left, window.right
-    for y in range(window.top, window.bottom):
+    for i in range(wanted.shape[0]):
+        y, left, right = _stretch(wanted[i], window)
+        if left >= right:
+            continue
         shown, behind, covered = luma[y][left:right], background[y][left:right], out[y][left:right]
         usual = noise[y][left:right]
         for x in range(right - left):
             difference = np.float32(shown[x]) - behind[x]
             square = difference * difference
             if chroma.shape[0] > 0:
-                square += weight * chroma[y - window.top, x]
+                square += weight * chroma[y - window.top, left - window.left + x]
             least = counts * usual[x]
             least = least if least > beyond else beyond
             share = (np.sqrt(square) - least) * scale

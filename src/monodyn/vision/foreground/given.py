@@ -23,9 +23,8 @@ from monodyn.vision.clip.steady import NO_PARALLAX, Parallax
 from monodyn.vision.clip.video import Video
 from monodyn.vision.foreground.background import Background, Samples
 from monodyn.vision.foreground.mask_files import BLACK, WHITE, OpenedMasks, opened_masks
-from monodyn.vision.foreground.masks import GeomColours, View, plain_view
+from monodyn.vision.foreground.masks import GeomColours, View, Wanted, plain_view
 from monodyn.vision.foreground.sampling import sample_frames
-from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.foreground.unread import Sampled
 from monodyn.vision.settings import SegmentSettings
 
@@ -73,12 +72,12 @@ class GivenMasks(Sampled):
         for frame in self.objects.frames():
             yield self._of(frame)
 
-    def of(self, frame: Frame, window: Window | None = None) -> Mask:
+    def of(self, frame: Frame, wanted: Wanted | None = None) -> Mask:
         """Return the mask of one frame.
 
         Args:
             frame: A picture of ``video``.
-            window: Not used: all of it costs little.
+            wanted: Not used: all of it costs little.
 
         Returns:
             Coverage of every object.

@@ -25,6 +25,25 @@ LEFT_OUT = -1
 """Stands for the plane of a geom that is hidden or that the camera does not see."""
 
 
+PLANE, ROW, LEFT, RIGHT = range(4)
+"""Columns of a stretch of pixels: plane of the mask, row, first column, and the column past the last."""
+EVERY_PLANE = -1
+"""Stands for the plane of a stretch that counts in all of them."""
+
+
+class Wanted(NamedTuple):
+    """A part of a mask.
+
+    Attributes:
+        rows: Stretches of its rows in the columns named above, int64 (stretch, 4); the plane of any
+            difference is wanted in all of them.
+        window: A rectangle in which they lie.
+    """
+
+    rows: np.ndarray
+    window: Window
+
+
 class View(NamedTuple):
     """How the planes of a mask are to be read; the edge kernels take it whole.
 
@@ -109,13 +128,13 @@ class Masks(Protocol):
         """By how much more the mechanism moves than the registered scene before a camera that moves."""
         ...
 
-    def of(self, frame: Frame, window: Window | None = None) -> Mask:
+    def of(self, frame: Frame, wanted: Wanted | None = None) -> Mask:
         """Return the mask of one frame.
 
         Args:
             frame: A frame of the clip, or of another clip of the same camera and background.
-            window: Part of the picture that is wanted; outside of it the planes may hold anything. None for
-                all of it.
+            wanted: Part of the mask that is wanted; outside of it the planes may hold anything. None for all
+                of it.
 
         Returns:
             Its soft foreground, with the planes that ``view`` describes, or any number of planes where

@@ -22,11 +22,10 @@ from monodyn.vision.clip.video import Video, read
 from monodyn.vision.foreground.background import Background, Samples, background_of, within
 from monodyn.vision.foreground.covered import covered_whole
 from monodyn.vision.foreground.light import Light, in_one_light, light_of
-from monodyn.vision.foreground.masks import GeomColours, View
+from monodyn.vision.foreground.masks import GeomColours, View, Wanted
 from monodyn.vision.foreground.moving_colours import lingering, moving_colours
 from monodyn.vision.foreground.palette import Palette, measured_palette, palette_of
 from monodyn.vision.foreground.sampling import sample_frames
-from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.foreground.unread import Sampled
 from monodyn.vision.registration.register import onto_scene, steadied
 from monodyn.vision.settings import SegmentSettings
@@ -80,12 +79,12 @@ class SoftMasks(Sampled):
         for frame in self.video.frames():
             yield self.of(frame)
 
-    def of(self, frame: Frame, window: Window | None = None) -> Mask:
+    def of(self, frame: Frame, wanted: Wanted | None = None) -> Mask:
         """Return the mask of one frame of the clip.
 
         Args:
             frame: A frame of ``video``.
-            window: Part of the picture that is wanted; None for all of it.
+            wanted: Part of the mask that is wanted; None for all of it.
 
         Returns:
             Its soft foreground; outside of the part that is wanted the planes hold anything.
@@ -94,7 +93,7 @@ class SoftMasks(Sampled):
 
         even = self.light.evened(frame)
         if self.parallax == NO_PARALLAX:
-            return Mask(frame.index, frame.time, coverage_of(even, self.background, self.palette, window))
+            return Mask(frame.index, frame.time, coverage_of(even, self.background, self.palette, wanted))
         # what is displaced comes from elsewhere, of which the whole is taken
         planes = coverage_of(even, self.background, self.palette)
         return Mask(frame.index, frame.time, displaced(planes, -self.away(frame.index)))

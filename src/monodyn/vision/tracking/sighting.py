@@ -19,7 +19,6 @@ from monodyn.vision.drawing.edges import BEHIND, COVERED, NEAR, SAMPLES, SQUARES
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow_kernel
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.foreground.masks import View
-from monodyn.vision.foreground.thumbnails import Window
 
 CORRELATION = 2.0
 """Neighbouring edge samples share the codec's blocks: their errors count as if there were half as many."""
@@ -65,7 +64,7 @@ def sighted(
     start: np.ndarray,
     limits: MoveLimits,
     search: EdgeSearch,
-    window: Window,
+    known: float,
     rule: Rule,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, bool]:
     """Move a pose onto a mask, and judge each link and joint.
@@ -77,7 +76,7 @@ def sighted(
         start: Joint positions to start from, (dof,).
         limits: What holds the pose.
         search: How the edges are looked for.
-        window: The part of the mask that is known.
+        known: How far around the outline of the start the mask is known [px].
         rule: What links and joints are judged by.
 
     Returns:
@@ -85,7 +84,7 @@ def sighted(
         and the links that lie on it, each bool (dof,); how well the outline does, 0 to 2; and whether only
         the known part of the mask was looked at, see ``follow_kernel``.
     """
-    q, information, links, kept = follow_kernel(planes, view, rig, start, limits, search, window)
+    q, information, links, kept = follow_kernel(planes, view, rig, start, limits, search, known)
     covariance, joints, score = _weighed(information, links, rule)
     return q, covariance, joints, _lying(links, rule), score, kept
 
