@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from monodyn.arrays import usual_step
 from monodyn.mechanism import Mechanism
@@ -23,7 +24,7 @@ from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.foreground.sampling import frames_between
-from monodyn.vision.foreground.thumbnails import Thumbnails, reduced
+from monodyn.vision.foreground.thumbnails import Thumbnails, Window, reduced
 from monodyn.vision.locating.scene import Scene
 
 LEAST_EXCESS = 0.2
@@ -175,19 +176,19 @@ def touching(thumbnails: Thumbnails, sampled: np.ndarray, scene: Scene, poses: P
     Returns:
         True where it is touched, bool (frame,).
     """
-    foreground, inside = _foreground(thumbnails, scene.masks.background)
-    area = np.array([np.count_nonzero(cells) for cells in foreground], dtype=np.float64)
-    shape = foreground.shape[1:]
+    still, shape = _still(thumbnails, scene.masks.background), thumbnails.planes.shape[2:]
+    area = _changed_area(thumbnails.planes, still).astype(np.float64)
     own = float(np.median([_drawn(scene, q, shape).sum() for q in scene.key_positions[::4]]))
     # only a frame with more foreground than usual can show a hand; a pose gone astray adds none
-    more = _beyond(area, sampled, own) & (area < MOST_CHANGED * inside)
+    more = _beyond(area, sampled, own) & (area < MOST_CHANGED * np.count_nonzero(still.inside))
     if not np.any(more):
         return more
     against = np.full(len(area), np.nan)
     for row in np.flatnonzero(more | sampled):
         number = int(thumbnails.number[row])
         if poses.seen[number]:
-            against[row] = _against(foreground[row], _drawn(scene, poses.position[number], shape))
+            foreground = _changed(thumbnails.planes[row], still)
+            against[row] = _against(foreground, _drawn(scene, poses.position[number], shape))
     usual = sampled & np.isfinite(against)
     # where the mechanism was not found there is nothing to touch, and no free motion either
     return more & (np.isnan(against) | _beyond(np.nan_to_num(against), usual, own))
@@ -256,9 +257,24 @@ def released(poses: Poses, first: int, stop: int, *, slides: np.ndarray | None =
     return int(rows[begin]) + 1
 
 
-def _foreground(thumbnails: Thumbnails, background: Background) -> tuple[np.ndarray, int]:
-    """Return where the thumbnails differ from the background in the region, bool (frame, height, width), and
-    the region's cells."""
+class _Still(NamedTuple):
+    """What the cells of thumbnails show without anything in front.
+
+    Attributes:
+        least: Least level of each channel, as many as the background has, uint8 (channel, height, width).
+        most: Its largest level, likewise.
+        inside: The region that counts, bool (height, width).
+        window: The rows and columns in which it lies.
+    """
+
+    least: np.ndarray
+    most: np.ndarray
+    inside: np.ndarray
+    window: Window
+
+
+def _still(thumbnails: Thumbnails, background: Background) -> _Still:
+    """Return what the cells show where nothing is in front of the background."""
     import cv2
 
     height, width = thumbnails.planes.shape[2:]
@@ -268,13 +284,42 @@ def _foreground(thumbnails: Thumbnails, background: Background) -> tuple[np.ndar
     counts = background.counts.astype(np.float32)
     inside = cv2.resize(counts, (width, height), interpolation=cv2.INTER_AREA) > 0.5
     # grey levels are whole numbers
-    behind, still = behind.reshape(-1, width), np.uint8(thumbnails.still)
-    differs = np.empty((len(thumbnails.number), height, width), dtype=bool)
+    by = np.full_like(behind, min(int(thumbnails.still), 255))
+    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
+    window = Window(0, 0, 0, 0)
+    if len(rows):
+        window = Window(int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1)
+    return _Still(cv2.subtract(behind, by), cv2.add(behind, by), inside, window)
+
+
+@njit(cache=True, nogil=True)
+def _changed_area(shown: np.ndarray, still: _Still) -> np.ndarray:
+    """Return how many cells of each thumbnail, uint8 (frame, channel, height, width), show something in front
+    of the background, int64 (frame,)."""
+    top, bottom, left, right = still.window
+    # 8 bits to the end: so a loop takes a whole register at a time
+    area, changed = np.zeros(shown.shape[0], np.int64), np.empty(right - left, np.uint8)
+    for f in range(shown.shape[0]):
+        for y in range(top, bottom):
+            changed[:] = 0
+            for c in range(still.least.shape[0]):
+                value, least, most = shown[f, c, y], still.least[c, y], still.most[c, y]
+                value, least, most = value[left:right], least[left:right], most[left:right]
+                for x in range(right - left):
+                    changed[x] |= np.uint8(value[x] < least[x]) | np.uint8(value[x] > most[x])
+            inside, count = still.inside[y][left:right], 0
+            for x in range(right - left):
+                count += changed[x] & inside[x]
+            area[f] += count
+    return area
+
+
+def _changed(shown: np.ndarray, still: _Still) -> np.ndarray:
+    """Return where a thumbnail, uint8 (channel, height, width), shows something in front of the background,
+    bool (height, width)."""
     # a background that was given may have no colours
-    for shown, found in zip(thumbnails.planes[:, : len(planes)], differs, strict=True):
-        change = cv2.absdiff(shown.reshape(-1, width), behind).reshape(shown.shape).max(axis=0)
-        np.logical_and(change > still, inside, out=found)
-    return differs, int(inside.sum())
+    shown = shown[: len(still.least)]
+    return np.any((shown < still.least) | (shown > still.most), axis=0) & still.inside
 
 
 def _beyond(values: np.ndarray, usual: np.ndarray, own: float) -> np.ndarray:

@@ -97,10 +97,9 @@ def follow_clip(
     """
     first = Follower(scene, settings)
     poses = _followed(masks, first, progress)
-    hidden = first.occluders.hidden()
     # What hides the mechanism is known only in the end. Where it was missed, the clip is followed once more,
     # with those places left out of the picture.
-    if first.unusual and hidden.any():
+    if first.unusual and np.any(hidden := first.occluders.hidden()):
         poses = _followed(masks, Follower(scene, settings, hidden), progress)
     if scene.doubt is None:
         return poses

@@ -20,7 +20,7 @@ RIDGE = 1e-9
 """Share of the largest information about a joint that is added to all, for joints that no edge shows."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def pose_gains(rig: Rig, shifts: Shifts, positions: np.ndarray) -> np.ndarray:
     """Differentiate the pose that fits an outline by parameters that the outline was drawn with.
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses
 from monodyn.vision.drawing.camera import PARAMETERS
@@ -27,6 +28,8 @@ HARMONICS = (0, 1, 2)
 or the side from which it is seen, and with the pixels' rows and columns."""
 SLIDING = ("camera.x", "camera.y")
 """Places that every frame has in common with all edges of the outline."""
+AT_ONCE = 64
+"""Poses whose derivatives are computed at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +69,8 @@ class Doubt:
             What is added to the positions, (direction, frame, dof).
         """
         unit = np.where(slides, self.metre, 1.0)
-        gains = pose_gains(*self._turned, position * unit)
+        parts = np.array_split(position * unit, max(1, len(position) // AT_ONCE))
+        gains = np.concatenate(on_all_cores(lambda part: pose_gains(*self._turned, part), parts))
         moved = np.einsum("fdp,pk->kfd", gains, self.root) / unit
         return np.concatenate((moved, self._edges.at(position)))
 

@@ -71,7 +71,7 @@ class Occluders:
         # the outline's own margin was not counted: one cell more to every side, and what lies between cells
         cells = cv2.dilate(cells, np.ones((3, 3), np.uint8))
         height, width = self._view.trust.shape[1:]
-        return np.kron(cells, np.ones((CELL_PX, CELL_PX), np.uint8))[:height, :width] > 0
+        return (cells > 0).repeat(CELL_PX, axis=0).repeat(CELL_PX, axis=1)[:height, :width]
 
 
 def without(view: View, hidden: np.ndarray) -> View:

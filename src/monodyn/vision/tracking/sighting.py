@@ -56,7 +56,7 @@ class Rule(NamedTuple):
 
 
 # short enough to be done at a stretch: whoever leaves the interpreter has to wait for it afterwards
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def sighted(
     planes: np.ndarray,
     view: View,
