@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.arrays import usual_step
+from monodyn.cores import on_all_cores
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import energy
 from monodyn.types import Poses
@@ -48,6 +49,8 @@ OUT_OF_LEVEL = 0.1
 about twice the standard deviation of its roll [rad]."""
 BY = 1e-3
 """Step of the joints by which that is found [rad or m]."""
+PARTS = 4
+"""Parts of a clip that are divided among the cores."""
 
 
 class FreeSpan(NamedTuple):
@@ -177,7 +180,9 @@ def touching(thumbnails: Thumbnails, sampled: np.ndarray, scene: Scene, poses: P
         True where it is touched, bool (frame,).
     """
     still, shape = _still(thumbnails, scene.masks.background), thumbnails.planes.shape[2:]
-    area = _changed_area(thumbnails.planes, still).astype(np.float64)
+    parts = np.array_split(thumbnails.planes, PARTS)
+    areas = on_all_cores(lambda part: _changed_area(part, still), parts)
+    area = np.concatenate(areas).astype(np.float64)
     own = float(np.median([_drawn(scene, q, shape).sum() for q in scene.key_positions[::4]]))
     # only a frame with more foreground than usual can show a hand; a pose gone astray adds none
     more = _beyond(area, sampled, own) & (area < MOST_CHANGED * np.count_nonzero(still.inside))

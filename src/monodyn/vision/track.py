@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from monodyn.vision.drawing.mismatch import covered_area
 from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of
 from monodyn.vision.drawing.shutter import SLOW_PX, way
 from monodyn.vision.foreground.masks import EVERY_PLANE, LEFT_OUT, PLANE, Masks, View, Wanted, planes_for
-from monodyn.vision.locating.keyframes import KeyFrame, key_frame, no_frames
+from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames, key_frame, no_frames
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import as_thick, search_pose
 from monodyn.vision.settings import TrackSettings
@@ -167,11 +168,15 @@ class Follower:
         near, far = settings.first_reach, FAR * settings.first_reach
         self._short = np.array([near, 0.5 * (near + settings.reach), settings.reach, settings.reach])
         self._long = np.append(np.geomspace(far, settings.reach, 6), settings.reach)
-        self._reduced = replace(no_frames(scene.masks, self._view), thicker=scene.thicker)
-        thick = as_thick(self._reduced, scene.mechanism, scene.camera)
-        self._coarse = rig_of(thick, scene.camera, shrink=self._reduced.shrink)
         self._incomplete = 0
         self._usual, self._usual_std = USUAL_SCORE, np.full(len(self._lower), np.nan)
+
+    @cached_property
+    def _coarse(self) -> tuple[KeyFrames, Rig]:
+        """How whole pictures are reduced to be searched, and the mechanism in them."""
+        reduced = replace(no_frames(self.scene.masks, self._view), thicker=self.scene.thicker)
+        thick = as_thick(reduced, self.scene.mechanism, self.scene.camera)
+        return reduced, rig_of(thick, self.scene.camera, shrink=reduced.shrink)
 
     def find(self, frame: Frame, expected: np.ndarray | None = None) -> Sighting:
         """Find the pose in the next frame, from as little of its mask as that takes.
@@ -338,9 +343,9 @@ class Follower:
 
     def _anywhere(self, mask: Mask, along: Sighting | None) -> Sighting | None:
         """Look for the mechanism in the whole picture; choose between that and what its motion leads to."""
-        frame = key_frame(mask, self._reduced)
-        frames, motion = self._reduced.only([]), self._motion
-        q, _ = search_pose(frame, frames, self._coarse, self.scene.mechanism)
+        reduced, rig = self._coarse
+        frame, motion = key_frame(mask, reduced), self._motion
+        q, _ = search_pose(frame, reduced.only([]), rig, self.scene.mechanism)
         expected = motion.expected(mask.time) if motion.begun else q
         # a picture shows a hinge's angle but for whole turns; those come from the motion so far
         turns = np.round((expected - q) / (2.0 * np.pi))
@@ -365,7 +370,7 @@ class Follower:
 
     def _explained(self, frame: KeyFrame, position: np.ndarray) -> float:
         """Return the foreground that a pose covers [reduced px^2]."""
-        return covered_area(frame.sums, self._coarse, position)
+        return covered_area(frame.sums, self._coarse[1], position)
 
 
 def _have_own_planes(part: np.ndarray, link: np.ndarray, links: int) -> np.ndarray:
