@@ -26,9 +26,9 @@ def spacing(count: int, enough: int) -> int:
 
     Args:
         count: How many there are.
-        enough: How many of them are enough, if there are as many.
+        enough: About how many of them are enough, if there are as many.
     """
-    return max(1, count // enough)
+    return max(1, round(count / enough))
 
 
 def thinned(luma: np.ndarray, chroma: Chroma | None, step: int) -> list[np.ndarray]:
