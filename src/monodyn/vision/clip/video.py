@@ -27,7 +27,7 @@ from monodyn.vision.clip.repeats import NO_REPEATS, Repeats
 from monodyn.vision.clip.steady import CameraPath
 from monodyn.vision.settings import LEAST_SIDE, RATES
 
-AHEAD = 4
+AHEAD = 8
 """Frames that are decoded before they are asked for, at most."""
 
 LARGE_PIXELS = 2_100_000

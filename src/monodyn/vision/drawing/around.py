@@ -57,7 +57,7 @@ def rows_around(rig: Rig, position: np.ndarray, part: np.ndarray, by: int, size:
 
 @njit(cache=True)
 def _in_a_window(rows: np.ndarray) -> Wanted:
-    """Return stretches, (stretch, 4), with the window in which they lie."""
+    """Return stretches, (row, column), with the window in which they lie."""
     if rows.shape[0] == 0:
         return Wanted(rows, Window(0, 0, 0, 0))
     top, bottom, left, right = rows[0, ROW], rows[0, ROW], rows[0, LEFT], rows[0, RIGHT]
@@ -93,7 +93,7 @@ def _find_sides(px: np.ndarray, hull: np.ndarray, top: int, bottom: int, sides: 
 def _add_rows(
     sides: np.ndarray, top: int, bottom: int, wanted: tuple[int, int, int, int], rows: np.ndarray, count: int
 ) -> int:
-    """Add to ``rows`` (stretch, 4), from stretch ``count`` on, what lies around an outline with the columns
+    """Add to ``rows`` (row, column), from stretch ``count`` on, what lies around an outline with the columns
     ``sides`` (2, row) in the rows from ``top`` to ``bottom``; ``wanted`` holds the plane, how far around
     [px], and the picture's height and width. Return the number of stretches."""
     part, by, height, width = wanted

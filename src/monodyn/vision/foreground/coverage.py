@@ -89,7 +89,7 @@ def _cover(
     wanted: np.ndarray,
     planes: np.ndarray,
 ) -> None:
-    """Fill stretches of the planes, (stretch, 4), as far as they lie in a window."""
+    """Fill stretches of the planes, (row, column), as far as they lie in a window."""
     colours = palette.colours.astype(np.float32)
     chroma = dimmed = NOTHING
     if not (palette.grey_only or frame.chroma is None or background.chroma is None):
@@ -313,7 +313,7 @@ def _project(
 
 @njit(cache=True, **INLINED)
 def _stretch(wanted: np.ndarray, window: Window) -> tuple[int, int, int]:
-    """Return the row of a stretch (4,), its first column and the one past its last within a window."""
+    """Return the row of a stretch (column,), its first column and the one past its last within a window."""
     y = wanted[ROW]
     if y < window.top or y >= window.bottom:
         return 0, 0, 0

@@ -23,8 +23,6 @@ NOT_SHOWN, VARIED = -2, -1
 """Stand for the colour of a geom that the camera does not see, and of one that has no single colour."""
 LEFT_OUT = -1
 """Stands for the plane of a geom that is hidden or that the camera does not see."""
-
-
 PLANE, ROW, LEFT, RIGHT = range(4)
 """Columns of a stretch of pixels: plane of the mask, row, first column, and the column past the last."""
 EVERY_PLANE = -1
@@ -35,7 +33,7 @@ class Wanted(NamedTuple):
     """A part of a mask.
 
     Attributes:
-        rows: Stretches of its rows in the columns named above, int64 (stretch, 4); the plane of any
+        rows: Stretches of its rows in the columns named above, int64 (row, column); the plane of any
             difference is wanted in all of them.
         window: A rectangle in which they lie.
     """
