@@ -15,6 +15,7 @@ from monodyn.vision.clip.video import read
 from monodyn.vision.foreground import soft
 from monodyn.vision.foreground.background import background_of
 from monodyn.vision.foreground.masks import VARIED, GeomColours
+from monodyn.vision.foreground.moving_colours import moving_colours
 from monodyn.vision.settings import SegmentSettings
 from pictures import samples, wandering
 from support import ClipMaker, refuses
@@ -86,20 +87,28 @@ def test_measured_colours_are_taken_over(make_clip: ClipMaker) -> None:
     assert len(next(iter(measured)).planes) == 2
 
 
-@pytest.mark.parametrize("side", [4, 20])
-def test_what_lingers_is_taken_out_of_the_background_and_keeps_its_colours(
-    side: int, make_clip: ClipMaker
+@pytest.mark.parametrize(("side", "searches"), [(4, 1), (20, 2)])
+def test_of_little_that_lingers_the_colours_stay(
+    side: int, searches: int, monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker
 ) -> None:
     """Two thirds of the time a part of what moves rests: of all that moves in, 0.3 % or 8 %."""
     made = wandering(48, places=[5 + 2 * (i % 28) for i in range(48)])
     for frame in made[16:]:
         frame.luma[44 : 44 + side, 55 : 55 + side] = 90
+    asked = []
+
+    def counted(*arguments: object) -> object:
+        asked.append(arguments)
+        return moving_colours(*arguments)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(soft, "moving_colours", counted)
     settings = SegmentSettings(colour="grey", contrast=14.0)
     masks = soft._masks_over(read(make_clip()), samples(made), settings, None)
     assert background_of(samples(made)).luma[46, 57] == pytest.approx(90, abs=2)
     assert masks.background.luma[46, 57] == pytest.approx(160, abs=2)
     assert masks.palette.colours[:, 0].tolist() == pytest.approx([90], abs=2)
     assert masks.of(made[40]).coverage[46, 57] > 0.9 * FULL
+    assert len(asked) == searches
 
 
 @pytest.mark.parametrize("moves", [10, 16])

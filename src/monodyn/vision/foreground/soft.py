@@ -30,6 +30,10 @@ from monodyn.vision.foreground.unread import Sampled
 from monodyn.vision.registration.register import onto_scene, steadied
 from monodyn.vision.settings import SegmentSettings
 
+FEW_LINGER = 0.01
+"""Share of the part in which anything moves that may linger in the first background before the colours, found
+from what differs from that, are in doubt: a mechanism covers some ten times as much."""
+
 
 @dataclass(frozen=True, eq=False)
 class SoftMasks(Sampled):
@@ -213,11 +217,14 @@ def _masks_over(
     """Return the masks by background and colours of samples; a background that is given stays."""
     background = background_of(samples) if given is None else given
     found = moving_colours(samples.frames, background, settings.colour, settings.contrast)
-    # A mechanism that rests most of the time is part of the first background, and is taken out of it: it has
-    # the colours by which it was found there.
+    # a mechanism that rests most of the time is part of the first background: it is taken out of it once
     covered = None if background.given else lingering(samples.frames, background, found)
     if covered is not None:
+        top, bottom, left, right = background.window
+        few = np.count_nonzero(covered.anywhere) < FEW_LINGER * (bottom - top) * (right - left)
         background = background_of(samples, covered, fallback=background)
+        if not few:
+            found = moving_colours(samples.frames, background, settings.colour, settings.contrast)
     return SoftMasks(video, background, palette_of(found, background), samples, settings)
 
 
