@@ -1,7 +1,10 @@
 """The error of the time stamps, found again in records with a known one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.verdict.stamps import _not_negative, stamp_error
@@ -49,6 +52,34 @@ def test_too_few_samples_show_none() -> None:
     assert stamp_error(few, np.where(few.measured, difference, np.nan), RATES) == 0.0
 
 
+@pytest.mark.parametrize("rate", [0.0, 3.0])
+@pytest.mark.parametrize("joints", [1, 2])
+def test_rates_that_are_even_tell_nothing_of_the_stamps(rate: float, joints: int) -> None:
+    """The scatter of the stamps is as even as that of the picture then."""
+    for seed in range(12):
+        samples, difference = residuals(seed, 3e-3)
+        if joints == 1:
+            one = np.array([True, False])
+            samples, difference = (
+                replace(samples, measured=samples.measured & one),
+                np.where(one, difference, np.nan),
+            )
+        assert stamp_error(samples, difference, np.full((120, 2), rate)) == 0.0
+
+
+def test_columns_that_are_alike_share_what_they_explain() -> None:
+    rng = np.random.default_rng(3)
+    for zero in (0.0, 1.0):
+        one = rng.uniform(0.5, 2.0, 40)
+        design, squares = np.column_stack([one, one, zero * rng.random(40)]), rng.exponential(size=40)
+        expected = np.linalg.lstsq(design, squares, rcond=None)[0]
+        if expected.min() >= 0.0:
+            np.testing.assert_allclose(_not_negative(design, squares), expected, atol=1e-9)
+        explained = design @ _not_negative(design, squares)
+        best = design @ nnls(design, squares)[0]
+        np.testing.assert_allclose(explained, best, atol=1e-9)
+
+
 def test_picture_and_stamps_have_their_shares_of_the_noise() -> None:
     sizes = []
     for seed in range(12):
@@ -86,8 +117,6 @@ def test_intervals_of_a_record_with_uneven_stamps_cover(error: float) -> None:
 
 
 def test_variances_below_zero_are_left_out_as_a_library_does_it() -> None:
-    from scipy.optimize import nnls
-
     rng = np.random.default_rng(0)
     for joints in (1, 2, 4):
         for _ in range(40):

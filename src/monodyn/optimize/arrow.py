@@ -26,6 +26,22 @@ def finite(hessian, gradient, cross, local_hessian, local_gradient):  # pragma: 
     return True
 
 
+@njit(cache=True)
+def diagonals(hessian, local_hessian):  # pragma: no cover - compiled
+    """Return the diagonals (shared,) and (block, local) of a model's blocks, 1 for an unknown without
+    influence; arrays as in ``levenberg.Arrow``."""
+    size, (blocks, width, _) = hessian.shape[0], local_hessian.shape
+    shared, local = np.ones(size), np.ones((blocks, width))
+    for s in range(size):
+        if hessian[s, s] > 0.0:
+            shared[s] = hessian[s, s]
+    for b in range(blocks):
+        for i in range(width):
+            if local_hessian[b, i, i] > 0.0:
+                local[b, i] = local_hessian[b, i, i]
+    return shared, local
+
+
 @njit(cache=True, error_model="numpy")
 def damped_step(
     hessian, gradient, cross, local_hessian, local_gradient, damping, scale, local_scale, below, above

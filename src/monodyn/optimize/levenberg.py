@@ -194,7 +194,7 @@ def _search(
                 if share <= MOST_BEND:
                     step, local_step = step + 0.5 * more, local_step + 0.5 * local_more
                 curved = share / length
-        at, local_at = np.clip(shared + step, lower, upper), local + local_step
+        at, local_at = np.minimum(np.maximum(shared + step, lower), upper), local + local_step
         trial = (yield at, local_at) if np.isfinite(predicted) else None
         evaluations += 1
         # The gain compares what happened with what the model promised: near 1 the model holds at this
@@ -314,9 +314,9 @@ def damped_step(
 
 def _diagonals(model: Arrow) -> tuple[np.ndarray, np.ndarray]:
     """Diagonals of the model; 1 for an unknown without influence."""
-    shared = np.diag(model.hessian)
-    local = np.diagonal(model.local_hessian, axis1=1, axis2=2)
-    return np.where(shared > 0, shared, 1.0), np.where(local > 0, local, 1.0)
+    from monodyn.optimize.arrow import diagonals
+
+    return diagonals(np.ascontiguousarray(model.hessian), np.ascontiguousarray(model.local_hessian))
 
 
 def _largest(

@@ -7,8 +7,10 @@ scatter that grows with the rate, s0^2 + rate^2 st^2, while the error of the pic
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from monodyn.estimation.record.samples import Data
+from monodyn.solving import eliminate, shortest
 
 ROUNDS = 20
 """Most rounds of the weighted regression; each takes the weights from the last one."""
@@ -70,35 +72,54 @@ def _second_differences(
     return middle**2, (spread(data.std**2), spread(rates**2))
 
 
+@njit(cache=True)
 def _variances(squares: np.ndarray, design: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Regress squares on what adds to them, none of it negative.
+    """Regress squares (sample,) on what adds to them, (sample, column), none of it negative.
 
     Returns:
         The variances (sample,) and the coefficients (column,).
     """
-    size = np.sqrt(np.mean(design**2, axis=0))
-    design = design / np.where(size > 0, size, 1.0)
-    found, variance = np.zeros(design.shape[1]), np.full(len(squares), max(float(np.mean(squares)), 1e-300))
+    count, columns = design.shape
+    size = np.empty(columns)
+    for j in range(columns):
+        size[j] = np.sqrt(np.mean(design[:, j] ** 2))
+        size[j] = size[j] if size[j] > 0.0 else 1.0
+    design = design / size
+    found, variance = np.zeros(columns), np.full(count, max(np.mean(squares), 1e-300))
     for _ in range(ROUNDS):
         # the variance of a square is twice its squared mean
-        before, found = found, _not_negative(design / variance[:, None], squares / variance)
-        variance = np.maximum(design @ found, 1e-3 * float(np.mean(design @ found)) + 1e-300)
+        before = found
+        found = _not_negative(design / variance.reshape(-1, 1), squares / variance)
+        for i in range(count):
+            variance[i] = 0.0
+            for j in range(columns):
+                variance[i] += design[i, j] * found[j]
+        variance = np.maximum(variance, 1e-3 * np.mean(variance) + 1e-300)
         if np.all(np.abs(found - before) <= SETTLED * np.maximum(found, before)):
             break
-    return variance, found / np.where(size > 0, size, 1.0)
+    return variance, found / size
 
 
+@njit(cache=True)
 def _not_negative(design: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return least-squares coefficients (column,) of a design (sample, column), the most negative one set to
     zero until none is."""
-    # for so few columns; importing a library's solver takes longer than the whole fit
-    found, kept = np.zeros(design.shape[1]), np.ones(design.shape[1], dtype=bool)
+    columns = design.shape[1]
+    found, kept = np.zeros(columns), np.ones(columns, dtype=np.bool_)
     while kept.any():
-        found[kept] = np.linalg.lstsq(design[:, kept], values, rcond=None)[0]
+        inside = np.flatnonzero(kept)
+        normal, right = np.empty((inside.size, inside.size)), np.empty((inside.size, 1))
+        for i in range(inside.size):
+            right[i, 0] = np.sum(design[:, inside[i]] * values)
+            for j in range(inside.size):
+                normal[i, j] = np.sum(design[:, inside[i]] * design[:, inside[j]])
+        alone = right.copy()
+        # columns that are alike share what they explain
+        found[inside] = alone[:, 0] if eliminate(normal.copy(), alone) else shortest(normal, right[:, 0])
         if found.min() >= 0.0:
             break
         kept[np.argmin(found)] = False
-        found[~kept] = 0.0
+        found[:] = 0.0
     return found
 
 
