@@ -1,6 +1,6 @@
 """What a process has of its machine: work on all cores, or beside other work, and memory that is given back.
 
-Kernels leave the interpreter to other threads, but for short ones in what follows a mechanism.
+Kernels leave the interpreter to other threads, but for some that take microseconds.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import nnls
 
 from monodyn.estimation.record.samples import Data
-from monodyn.estimation.verdict.stamps import _not_negative, stamp_error
+from monodyn.estimation.verdict.regression import not_negative
+from monodyn.estimation.verdict.stamps import stamp_error
 from monodyn.estimation.verdict.uncertainty import noise_factors
 from monodyn.mechanism import load
 from monodyn.stages import identify
@@ -74,8 +75,8 @@ def test_columns_that_are_alike_share_what_they_explain() -> None:
         design, squares = np.column_stack([one, one, zero * rng.random(40)]), rng.exponential(size=40)
         expected = np.linalg.lstsq(design, squares, rcond=None)[0]
         if expected.min() >= 0.0:
-            np.testing.assert_allclose(_not_negative(design, squares), expected, atol=1e-9)
-        explained = design @ _not_negative(design, squares)
+            np.testing.assert_allclose(not_negative(design, squares), expected, atol=1e-9)
+        explained = design @ not_negative(design, squares)
         best = design @ nnls(design, squares)[0]
         np.testing.assert_allclose(explained, best, atol=1e-9)
 
@@ -125,4 +126,4 @@ def test_variances_below_zero_are_left_out_as_a_library_does_it() -> None:
             design[:, -1] = rng.exponential(size=60)
             parts = np.where(rng.random(joints + 1) < 0.4, 0.0, rng.random(joints + 1))
             squares = (design @ parts) * rng.normal(size=60) ** 2
-            np.testing.assert_allclose(_not_negative(design, squares), nnls(design, squares)[0], atol=1e-12)
+            np.testing.assert_allclose(not_negative(design, squares), nnls(design, squares)[0], atol=1e-12)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from monodyn.optimize import Arrow, SearchSettings, dense, minimize, minimize_arrow, minimize_together
+from monodyn.optimize.arrow import diagonals
 from monodyn.optimize.levenberg import damped_step
 
 
@@ -209,3 +210,16 @@ def test_searches_together_are_those_one_by_one():
         assert (alone.status, alone.evaluations) == (found.status, found.evaluations)
     assert asked[0] == len(starts) > asked[-1]
     assert minimize_together(models, []) == []
+
+
+def test_diagonals_are_one_where_nothing_is_known():
+    rng = np.random.default_rng(2)
+    hessian, local = rng.normal(size=(4, 4)), rng.normal(size=(3, 2, 2))
+    hessian[1, 1] = local[0, 1, 1] = 0.0
+    shared, blocks = diagonals(hessian, local)
+    own, inner = np.diag(hessian), np.diagonal(local, axis1=1, axis2=2)
+    np.testing.assert_array_equal(shared, np.where(own > 0, own, 1.0))
+    np.testing.assert_array_equal(blocks, np.where(inner > 0, inner, 1.0))
+    assert (own > 0).any()
+    assert (inner > 0).any()
+    assert (inner < 0).any()

@@ -13,8 +13,9 @@ import pytest
 
 import monodyn
 from monodyn.errors import SettingsError, VideoError
-from monodyn.types import Mask
+from monodyn.types import Frame, Mask
 from monodyn.vision.drawing.outline import outline
+from monodyn.vision.foreground.masks import EVERY_PLANE, Wanted
 from monodyn.vision.foreground.soft import SoftMasks
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.settings import LocateSettings, SegmentSettings, TrackSettings
@@ -105,19 +106,43 @@ def test_a_mechanism_that_vanishes_is_not_seen_and_found_again(scene: Scene, tru
     assert all(seen[33:])
 
 
+@pytest.mark.parametrize("view", ["by geom", "one plane"])
+@pytest.mark.parametrize(("margin", "most"), [(None, 6), (9, 60)])
 def test_a_part_of_a_mask_gives_the_pose_that_the_whole_gives(
-    scene: Scene, monkeypatch: pytest.MonkeyPatch
+    scene: Scene, monkeypatch: pytest.MonkeyPatch, view: str, margin: int | None, most: int
 ) -> None:
+    """What is not wanted of a mask is noise; where it would be needed the whole is taken."""
+    assert isinstance(scene.masks, SoftMasks)
+    if view == "one plane":
+        palette = replace(scene.masks.palette, part=None, shaded=None)
+        scene = replace(scene, masks=replace(scene.masks, palette=palette))
     near, whole, wholes = Follower(scene, TrackSettings()), Follower(scene, TrackSettings()), []
-    step = near.step
+    step, of, rng = near.step, SoftMasks.of, np.random.default_rng(7)
+
+    def some(masks: SoftMasks, frame: Frame, wanted: Wanted | None = None) -> Mask:
+        """Return a mask with noise wherever it is not wanted."""
+        mask = of(masks, frame, wanted)
+        if wanted is None:
+            return mask
+        known = np.zeros(mask.planes.shape, dtype=bool)
+        for plane, y, left, right in wanted.rows:
+            planes = slice(None) if plane == EVERY_PLANE else [plane, -1]
+            known[planes, y, left:right] = True
+        noise = rng.integers(0, 256, mask.planes.shape, dtype=np.uint8)
+        return replace(mask, planes=np.where(known, mask.planes, noise))
+
+    monkeypatch.setattr(SoftMasks, "of", some)
     monkeypatch.setattr(near, "step", lambda mask, at=None: wholes.append(mask.index) or step(mask, at))
+    if margin is not None:
+        monkeypatch.setattr(near, "_near_px", margin)
     for frame in scene.masks.video.frames(0, 60):
         found, expected = near.find(frame), whole.step(scene.masks.of(frame))
         np.testing.assert_array_equal(found.position, expected.position)
         np.testing.assert_array_equal(found.covariance, expected.covariance)
     # where the mechanism is at first is looked for in the whole picture
     assert 0 in wholes
-    assert len(wholes) < 6
+    assert len(wholes) <= most
+    assert margin is None or len(wholes) > 6
 
 
 def test_a_mask_of_noise_is_not_a_mechanism(scene: Scene) -> None:

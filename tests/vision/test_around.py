@@ -9,7 +9,7 @@ import pytest
 from monodyn.mechanism import load
 from monodyn.mechanism.tree import HINGE
 from monodyn.types import Camera
-from monodyn.vision.drawing.around import rows_around
+from monodyn.vision.drawing.around import _find_sides, rows_around
 from monodyn.vision.drawing.follow import BESIDE_PX, EdgeSearch, MoveLimits, follow_kernel
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.drawing.rig import rig_of
@@ -69,6 +69,16 @@ def widened(polygons: list[np.ndarray], size: tuple[int, int], by: int) -> np.nd
     return inside if by >= 0 else np.zeros_like(inside)
 
 
+@pytest.mark.parametrize("height", [0.0, 1e-12, 1e-10, 1e-6, 0.4, 3.0])
+def test_the_sides_of_a_flat_outline(height: float) -> None:
+    px = np.array([[10.2, 5.5], [90.7, 5.5 + height]])
+    for order in ([0, 1], [1, 0]):
+        sides = np.empty((2, 8), np.int64)
+        _find_sides(px, np.array(order), 5, 9, sides)
+        assert sides[0, :4].min() == 10
+        assert sides[1, :4].max() == 91
+
+
 def test_nothing_lies_around_a_pose_that_cannot_be_drawn() -> None:
     near = Camera(CAMERA.width, CAMERA.height, CAMERA.focal, 0.0, 0.0, -1.0)
     rig = rig_of(load("single"), near)
@@ -99,3 +109,16 @@ def test_nothing_else_of_a_mask_is_looked_at(off: float) -> None:
     # the first search alone reaches as far as this
     assert SEARCH.reaches[0] + BESIDE_PX < by
     assert kept == [off < 0.12] * 4
+
+
+def test_the_last_step_counts_too() -> None:
+    """A single search, whose step leads out of what is known: the end of it is looked at elsewhere."""
+    mechanism, truth, by = load("single"), np.array([0.4]), 12
+    rig, free, search = rig_of(mechanism, CAMERA), np.full(1, np.inf), EdgeSearch(np.array([10.0]), 2.0)
+    mask, limits = drawn_mask(mechanism, CAMERA, truth), MoveLimits(-free, free, np.ones(1))
+    kept = [
+        follow_kernel(mask, trusted(mechanism), rig, truth + off, limits, search, float(by))[3]
+        for off in (0.0, 0.1)
+    ]
+    assert search.reaches[0] + BESIDE_PX < by
+    assert kept == [True, False]

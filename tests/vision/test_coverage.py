@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
 from monodyn.types import FULL, Frame
-from monodyn.vision.foreground.background import background_of
+from monodyn.vision.foreground.background import Background, background_of
 from monodyn.vision.foreground.coverage import coverage_of
 from monodyn.vision.foreground.masks import GeomColours, Wanted
-from monodyn.vision.foreground.palette import BLACK, measured_palette
+from monodyn.vision.foreground.palette import BLACK, Palette, measured_palette
 from monodyn.vision.foreground.thumbnails import Window
 from pictures import H, W, palette_found, samples, wandering
 
@@ -100,14 +101,23 @@ def test_a_noise_that_is_one_number_counts_everywhere() -> None:
     assert shown[30] == 0
 
 
+def grown(frame: Frame, more: int) -> Frame:
+    """Return a frame with so many rows and columns more."""
+    chroma = [np.pad(plane, (0, more), "edge") for plane in frame.chroma or ()]
+    return Frame(frame.index, frame.time, np.pad(frame.luma, (0, more), "edge"), (chroma[0], chroma[1]))
+
+
 @pytest.mark.parametrize("window", [Window(11, 33, 23, 51), Window(0, 20, 0, 30), Window(30, 60, 40, 80)])
 @pytest.mark.parametrize("kind", ["grey", "colour", "varied"])
-def test_a_part_of_a_mask_is_that_of_the_whole(kind: str, window: Window) -> None:
+@pytest.mark.parametrize("more", [0, 1])
+def test_a_part_of_a_mask_is_that_of_the_whole(kind: str, window: Window, more: int) -> None:
     # stretches from one corner of the window to the other, in one plane after the other, then in all of them
     at = np.arange(window.top, window.bottom)
     slant = np.linspace(window.left, window.right - 9, len(at)).astype(int)
     stretches = [(-1 if y % 3 == 2 else y % 3, y, x, x + 9) for y, x in zip(at, slant, strict=True)]
     made = wandering(colour=(90, 90, 180) if kind == "grey" else (150, 90, 180), noise=0.5)
+    # the samples of colour of an odd number of rows are not two pixels high
+    made = [grown(frame, more) for frame in made]
     background = replace(background_of(samples(made)), window=Window(5, 55, 10, 75))
     palette = palette_found(made, background, "grey" if kind == "grey" else "colour", 14.0)
     part = np.array([-1 if kind == "varied" else 0])
@@ -121,3 +131,51 @@ def test_a_part_of_a_mask_is_that_of_the_whole(kind: str, window: Window) -> Non
             # the plane of any difference is the last one
             for k in range(len(whole)) if plane < 0 else {min(plane, len(whole) - 1), len(whole) - 1}:
                 np.testing.assert_array_equal(some[k, y, left:right], whole[k, y, left:right])
+
+
+@pytest.mark.parametrize("kind", ["grey", "colour", "light"])
+def test_stretches_are_what_a_pixel_alone_gives(kind: str) -> None:
+    """Noise everywhere, up to the border of the background's window, pixel by pixel."""
+    rng = np.random.default_rng(11)
+    made = wandering(colour=(90 if kind == "grey" else 150, 90, 180), noise=0.5)
+    background = replace(background_of(samples(made)), window=Window(5, 55, 11, 74))
+    palette = palette_found(made, background, "grey" if kind == "grey" else "colour", 14.0)
+    light = np.array([0.2]) if kind == "light" else None
+    colours = GeomColours(palette.colours, np.zeros(1, int), np.zeros(1, bool), light=light)
+    palette = measured_palette(palette, background, colours)
+    if palette.dimmed is not None:
+        dimmed = [rng.uniform(0.0, 0.3, part.shape).astype(np.float32) for part in palette.dimmed]
+        palette = replace(palette, dimmed=(dimmed[0], dimmed[1]))
+    planes = [rng.integers(0, 256, plane.shape, dtype=np.uint8) for plane in (made[0].luma, *made[0].chroma)]
+    frame = Frame(0, 0.0, planes[0], (planes[1], planes[2]))
+    tint = palette_tint(frame, background, palette)
+    (f,), light = palette.colours, palette.colours[0] - BLACK
+    behind = background.luma.astype(float)
+    share = 0.0 if palette.dimmed is None else palette.dimmed[0][0]
+    level = (planes[0] - behind) * (f[0] - behind - share * light[0]) + tint
+    expected = np.clip(level * palette.scale[0], 0.0, 255.0)
+    expected[:5] = expected[55:] = expected[:, :11] = expected[:, 74:] = 0.0
+    found = coverage_of(frame, background, palette)[0].astype(float)
+    # rounded to whole levels, and in numbers of seven digits
+    assert np.abs(found - expected).max() < 0.51
+    assert np.count_nonzero(found[5]) > 5
+    assert np.count_nonzero(found[5:55, 73]) > 5
+
+
+def palette_tint(frame: Frame, background: Background, palette: Palette) -> np.ndarray:
+    """Return what the colours add to the level of each pixel of an even picture, (row, column)."""
+    if palette.grey_only or frame.chroma is None or background.chroma is None:
+        return np.zeros(frame.luma.shape)
+    share = 0.0 if palette.dimmed is None else palette.dimmed[1][0]
+    small = np.zeros(frame.chroma[0].shape, np.float32)
+    for k, (shown, behind) in enumerate(zip(frame.chroma, background.chroma, strict=True), start=1):
+        own = palette.colours[0, k]
+        small += 0.25 * (shown - behind) * (own - behind - share * (own - BLACK[k]))
+    # the colours of the window are enlarged alone: beyond its border they count as at it
+    top, bottom, left, right = background.window
+    part = small[top // 2 : -(-bottom // 2), left // 2 : -(-right // 2)]
+    large = cv2.resize(part, (2 * part.shape[1], 2 * part.shape[0]), interpolation=cv2.INTER_LINEAR)
+    whole = np.zeros(frame.luma.shape)
+    rows, columns = 2 * (top // 2), 2 * (left // 2)
+    whole[rows : rows + large.shape[0], columns : columns + large.shape[1]] = large
+    return whole

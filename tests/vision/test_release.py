@@ -13,13 +13,8 @@ import pytest
 from films import COUNT, film
 from monodyn.mechanism import load
 from monodyn.types import Poses
-from monodyn.vision.foreground.background import Background
-from monodyn.vision.foreground.thumbnails import Thumbnails, Window
 from monodyn.vision.release import (
     FreeSpan,
-    _changed,
-    _changed_area,
-    _still,
     blanked,
     free_span,
     hangs,
@@ -183,29 +178,6 @@ def with_arm(until: int, back: int = COUNT) -> object:
         return picture
 
     return change
-
-
-@pytest.mark.parametrize("coloured", [True, False])
-@pytest.mark.parametrize("level", [3.0, 104.0, 252.0])
-def test_what_is_in_front_differs_in_any_channel_that_the_background_has(
-    *, coloured: bool, level: float
-) -> None:
-    """A background that is given may be grey, of a clip in colour."""
-    rng = np.random.default_rng(5)
-    planes = np.clip(rng.integers(-4, 12, (7, 3, 12, 16)) + int(level), 0, 255).astype(np.uint8)
-    luma, small = np.full((48, 64), level, np.float32), np.full((24, 32), level, np.float32)
-    known, window = np.ones((48, 64), dtype=bool), Window(8, 40, 0, 40)
-    background = Background(luma, (small, small) if coloured else None, 1.0, known, window)
-    thumbnails = Thumbnails(np.arange(7), planes, 4.0)
-    still = _still(thumbnails, background)
-    found = [_changed(shown, still) for shown in planes]
-    away = np.abs(planes[:, : 3 if coloured else 1] - level) > thumbnails.still
-    counts = np.zeros((12, 16), dtype=bool)
-    counts[2:10, :10] = True
-    assert np.array_equal(found, away.any(axis=1) & counts)
-    assert np.array_equal(still.inside, counts)
-    assert _changed_area(planes, still).tolist() == np.sum(found, axis=(1, 2)).tolist()
-    assert (0 < np.sum(found) < np.size(found)) or level > 250.0
 
 
 @pytest.mark.parametrize(("until", "back"), [(0, COUNT), (12, COUNT), (0, 28), (8, 33)])

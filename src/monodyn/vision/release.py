@@ -13,7 +13,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from monodyn.arrays import usual_step
 from monodyn.cores import on_all_cores
@@ -22,10 +21,10 @@ from monodyn.mechanism.simulate import energy
 from monodyn.types import Poses
 from monodyn.vision.clip.stamps import jumps
 from monodyn.vision.drawing.outline import outline
-from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.in_front import changed, changed_area, still_cells
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.foreground.sampling import frames_between
-from monodyn.vision.foreground.thumbnails import Thumbnails, Window, reduced
+from monodyn.vision.foreground.thumbnails import Thumbnails
 from monodyn.vision.locating.scene import Scene
 
 LEAST_EXCESS = 0.2
@@ -179,9 +178,9 @@ def touching(thumbnails: Thumbnails, sampled: np.ndarray, scene: Scene, poses: P
     Returns:
         True where it is touched, bool (frame,).
     """
-    still, shape = _still(thumbnails, scene.masks.background), thumbnails.planes.shape[2:]
+    still, shape = still_cells(thumbnails, scene.masks.background), thumbnails.planes.shape[2:]
     parts = np.array_split(thumbnails.planes, PARTS)
-    areas = on_all_cores(lambda part: _changed_area(part, still), parts)
+    areas = on_all_cores(lambda part: changed_area(part, still), parts)
     area = np.concatenate(areas).astype(np.float64)
     own = float(np.median([_drawn(scene, q, shape).sum() for q in scene.key_positions[::4]]))
     # only a frame with more foreground than usual can show a hand; a pose gone astray adds none
@@ -192,7 +191,7 @@ def touching(thumbnails: Thumbnails, sampled: np.ndarray, scene: Scene, poses: P
     for row in np.flatnonzero(more | sampled):
         number = int(thumbnails.number[row])
         if poses.seen[number]:
-            foreground = _changed(thumbnails.planes[row], still)
+            foreground = changed(thumbnails.planes[row], still)
             against[row] = _against(foreground, _drawn(scene, poses.position[number], shape))
     usual = sampled & np.isfinite(against)
     # where the mechanism was not found there is nothing to touch, and no free motion either
@@ -260,71 +259,6 @@ def released(poses: Poses, first: int, stop: int, *, slides: np.ndarray | None =
     if begin <= dwell + LEAST_REST:
         return first
     return int(rows[begin]) + 1
-
-
-class _Still(NamedTuple):
-    """What the cells of thumbnails show without anything in front.
-
-    Attributes:
-        least: Least level of each channel, as many as the background has, uint8 (channel, height, width).
-        most: Its largest level, likewise.
-        inside: The region that counts, bool (height, width).
-        window: The rows and columns in which it lies.
-    """
-
-    least: np.ndarray
-    most: np.ndarray
-    inside: np.ndarray
-    window: Window
-
-
-def _still(thumbnails: Thumbnails, background: Background) -> _Still:
-    """Return what the cells show where nothing is in front of the background."""
-    import cv2
-
-    height, width = thumbnails.planes.shape[2:]
-    planes = [background.luma, *(background.chroma or ())][: thumbnails.planes.shape[1]]
-    behind = np.empty((len(planes), height, width), dtype=np.uint8)
-    reduced([np.round(plane).astype(np.uint8) for plane in planes], behind)
-    counts = background.counts.astype(np.float32)
-    inside = cv2.resize(counts, (width, height), interpolation=cv2.INTER_AREA) > 0.5
-    # grey levels are whole numbers
-    by = np.full_like(behind, min(int(thumbnails.still), 255))
-    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
-    window = Window(0, 0, 0, 0)
-    if len(rows):
-        window = Window(int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1)
-    return _Still(cv2.subtract(behind, by), cv2.add(behind, by), inside, window)
-
-
-@njit(cache=True, nogil=True)
-def _changed_area(shown: np.ndarray, still: _Still) -> np.ndarray:
-    """Return how many cells of each thumbnail, uint8 (frame, channel, height, width), show something in front
-    of the background, int64 (frame,)."""
-    top, bottom, left, right = still.window
-    # 8 bits to the end: so a loop takes a whole register at a time
-    area, changed = np.zeros(shown.shape[0], np.int64), np.empty(right - left, np.uint8)
-    for f in range(shown.shape[0]):
-        for y in range(top, bottom):
-            changed[:] = 0
-            for c in range(still.least.shape[0]):
-                value, least, most = shown[f, c, y], still.least[c, y], still.most[c, y]
-                value, least, most = value[left:right], least[left:right], most[left:right]
-                for x in range(right - left):
-                    changed[x] |= np.uint8(value[x] < least[x]) | np.uint8(value[x] > most[x])
-            inside, count = still.inside[y][left:right], 0
-            for x in range(right - left):
-                count += changed[x] & inside[x]
-            area[f] += count
-    return area
-
-
-def _changed(shown: np.ndarray, still: _Still) -> np.ndarray:
-    """Return where a thumbnail, uint8 (channel, height, width), shows something in front of the background,
-    bool (height, width)."""
-    # a background that was given may have no colours
-    shown = shown[: len(still.least)]
-    return np.any((shown < still.least) | (shown > still.most), axis=0) & still.inside
 
 
 def _beyond(values: np.ndarray, usual: np.ndarray, own: float) -> np.ndarray:

@@ -228,8 +228,11 @@ class Follower:
         start = starts[0] if expected is None else expected
         start = np.minimum(np.maximum(start, self._lower), self._upper)
         mask = self._read(self.scene.masks.of(frame, self._around(start)))
-        found, kept = self._follow(mask, start, self._settings.first_reach, self._near_px)
-        return self._concluded(mask, found, True) if kept and self._as_usual(found) else None
+        found, kept = self._follow(mask, start, self._settings.first_reach, float(self._near_px))
+        # a joint that it shows less well than usual may go on anywhere with its motion
+        if not (kept and self._as_usual(found) and self._sure(found).all()):
+            return None
+        return self._concluded(mask, found, True)
 
     def _around(self, start: np.ndarray) -> Wanted:
         """Return the part of a mask around the outline of a pose."""
@@ -295,16 +298,16 @@ class Follower:
         return found
 
     def _follow(
-        self, mask: Mask, start: np.ndarray, first_reach: float, known: float = EVERYWHERE
+        self, mask: Mask, start: np.ndarray, first_reach: float, margin: float = EVERYWHERE
     ) -> tuple[Sighting, bool]:
         """Move a start pose onto the mask within the move limits, and judge each link; return in addition
-        whether nothing was looked at that is farther from the start's outline than ``known`` [px]."""
+        whether nothing was looked at that is farther from the start's outline than ``margin`` [px]."""
         reaches = self._long if first_reach > self._settings.first_reach else self._short
         lower = np.maximum(self._lower, start - self._move)
         upper = np.minimum(self._upper, start + self._move)
         limits, search = MoveLimits(lower, upper, self._move), EdgeSearch(reaches, self._settings.spacing)
         q, covariance, joints, shown, score, kept = sighted(
-            mask.planes, self._view, self._rig, start, limits, search, known, self._rule
+            mask.planes, self._view, self._rig, start, limits, search, margin, self._rule
         )
         whole, some = bool((shown | self._undrawn).all()), bool(shown.any())
         if some and not whole:
@@ -313,7 +316,7 @@ class Follower:
             part = np.where(shown[self._rig.link], self._view.part, LEFT_OUT)
             view = self._view._replace(part=part)
             q, covariance, joints, _, _, kept = sighted(
-                mask.planes, view, self._rig, start, limits, search, known, self._rule
+                mask.planes, view, self._rig, start, limits, search, margin, self._rule
             )
         if not some:
             joints[:] = False
@@ -323,7 +326,7 @@ class Follower:
         """Compare a sighting with what is usual; let joints that were not seen go on with their motion."""
         blurred = self._blurred(found.position)
         # the faster, the less a picture determines the pose
-        seen = found.joints if blurred else sure(found.covariance, found.joints, self._usual_std)
+        seen = found.joints if blurred else self._sure(found)
         all_seen = bool(seen.all())
         if found.whole and all_seen:
             self._incomplete = 0
@@ -336,6 +339,10 @@ class Follower:
         spread = np.diag(self._motion.spread(time) ** 2)
         covariance = np.where(seen[:, None] & seen, found.covariance, np.where(seen[:, None], 0.0, spread))
         return replace(found, position=position, covariance=covariance, joints=seen)
+
+    def _sure(self, found: Sighting) -> np.ndarray:
+        """Return which joints a sharp picture determines about as well as usual, bool (dof,)."""
+        return sure(found.covariance, found.joints, self._usual_std)
 
     def _blurred(self, position: np.ndarray) -> bool:
         """Return whether the outline moves far while the picture is exposed."""

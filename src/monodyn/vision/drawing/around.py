@@ -14,7 +14,7 @@ from monodyn.vision.foreground.masks import LEFT, PLANE, RIGHT, ROW, Wanted
 from monodyn.vision.foreground.thumbnails import Window
 
 
-# as short as ``sighted``, which comes after it
+# short enough to be done at a stretch: whoever leaves the interpreter has to wait for it afterwards
 @njit(cache=True)
 def rows_around(rig: Rig, position: np.ndarray, part: np.ndarray, by: int, size: tuple[int, int]) -> Wanted:
     """Return the pixels in and around the outline of each geom.
@@ -33,10 +33,9 @@ def rows_around(rig: Rig, position: np.ndarray, part: np.ndarray, by: int, size:
     outlines = blank_outlines(rig, rig.radius.shape[0])
     if not draw(rig, position, outlines):
         return Wanted(np.empty((0, 4), np.int64), Window(0, 0, 0, 0))
-    height, width = size
     first, geoms = outlines.first, rig.radius.shape[0]
     # farther out than this no row of an outline matters
-    above, below = -by - 1, height + by
+    above, below = -by - 1, size[0] + by
     ends, most = np.zeros((geoms, 2), np.int64), 0
     for g in range(geoms):
         top, bottom = 1e18, -1e18
@@ -51,7 +50,7 @@ def rows_around(rig: Rig, position: np.ndarray, part: np.ndarray, by: int, size:
         top, bottom = ends[g]
         if part[g] >= 0 and top < bottom:
             _find_sides(outlines.px, outlines.hull[first[g] : first[g + 1]], top, bottom, sides)
-            count = _add_rows(sides, top, bottom, (part[g], by, height, width), rows, count)
+            count = _add_rows(sides, top, bottom, part[g], by, size, rows, count)
     return _in_a_window(rows[:count])
 
 
@@ -79,11 +78,10 @@ def _find_sides(px: np.ndarray, hull: np.ndarray, top: int, bottom: int, sides: 
         if px[p, 1] > px[q, 1]:
             p, q = q, p
         x, y, height = px[p, 0], px[p, 1], px[q, 1] - px[p, 1]
-        slope = (px[q, 0] - x) / max(height, 1e-9)
         for row in range(max(math.floor(y), top), min(math.floor(px[q, 1]) + 1, bottom)):
             # the part of the edge within the row
-            begin = x + slope * max(row - y, 0.0)
-            end = x + slope * min(row + 1.0 - y, height)
+            begin = x if row <= y else x + (px[q, 0] - x) * (row - y) / height
+            end = px[q, 0] if row + 1.0 >= px[q, 1] else x + (px[q, 0] - x) * (row + 1.0 - y) / height
             k = row - top
             left[k] = min(left[k], math.floor(min(begin, end)))
             right[k] = max(right[k], math.ceil(max(begin, end)))
@@ -91,12 +89,13 @@ def _find_sides(px: np.ndarray, hull: np.ndarray, top: int, bottom: int, sides: 
 
 @njit(cache=True, **UNCOUNTED)
 def _add_rows(
-    sides: np.ndarray, top: int, bottom: int, wanted: tuple[int, int, int, int], rows: np.ndarray, count: int
-) -> int:
+    sides: np.ndarray, top: int, bottom: int, part: int, by: int, size: tuple[int, int], rows: np.ndarray,
+    count: int,
+) -> int:  # fmt: skip
     """Add to ``rows`` (row, column), from stretch ``count`` on, what lies around an outline with the columns
-    ``sides`` (2, row) in the rows from ``top`` to ``bottom``; ``wanted`` holds the plane, how far around
-    [px], and the picture's height and width. Return the number of stretches."""
-    part, by, height, width = wanted
+    ``sides`` (2, row) in the rows from ``top`` to ``bottom``, ``by`` pixels to all sides within a picture of
+    a height and width, for the plane ``part``. Return the number of stretches."""
+    height, width = size
     left, right, last = sides[0], sides[1], bottom - top - 1
     far_left, far_right = np.argmin(left[: last + 1]), np.argmax(right[: last + 1])
     for row in range(max(top - by, 0), min(bottom + by, height)):

@@ -89,7 +89,7 @@ def follow_kernel(
     start: np.ndarray,
     limits: MoveLimits,
     search: EdgeSearch,
-    known: float,
+    margin: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
     """Do the work of ``follow`` on a mask of which only a part may be known, for it and for other kernels.
 
@@ -100,7 +100,7 @@ def follow_kernel(
         start: Joint positions to start from, (dof,).
         limits: What holds the pose.
         search: How the edges are looked for.
-        known: How far around the outline of the start the mask is known [px].
+        margin: How far around the outline of the start the mask is known [px].
 
     Returns:
         Joint positions (dof,); their information matrix, (dof, dof); what is found on each link, in the
@@ -119,7 +119,7 @@ def follow_kernel(
     # background's structure and other bodies' edges, which a long one takes for the outline's own.
     for reach in search.reaches:
         if draw(rig, position, room.outlines):
-            kept = kept and _farthest(begin, room.outlines.px) + reach + BESIDE_PX <= known
+            kept = kept and _farthest(begin, room.outlines.px) + reach + BESIDE_PX <= margin
             normal, right, found = drawn_edge_terms(
                 planes, view, rig, shifts, position, room, reach, search.spacing
             )
@@ -137,7 +137,7 @@ def follow_kernel(
             return position, normal, found, kept
     # once more, without the spring: the information is what the picture alone knows of the pose
     if draw(rig, position, room.outlines):
-        kept = kept and _farthest(begin, room.outlines.px) + last + BESIDE_PX <= known
+        kept = kept and _farthest(begin, room.outlines.px) + last + BESIDE_PX <= margin
         normal, _, found = drawn_edge_terms(planes, view, rig, shifts, position, room, last, search.spacing)
     else:
         normal, found = np.zeros((dofs, dofs)), np.zeros((dofs, LINK_COLUMNS))

@@ -64,13 +64,21 @@ def coverage_of(
         planes, window = np.empty(shape, dtype=np.uint8), wanted.window
         if not _contains(inside, window):
             planes[:, window.top : window.bottom, window.left : window.right] = 0
-        inside = _common(inside, _grown(window, _around(palette, shape[1:])))
+        if _is_cut_evenly(frame):
+            inside = _common(inside, _grown(window, _around(palette, shape[1:])))
     if inside.top < inside.bottom and inside.left < inside.right:
-        # what depends on the pixels around is computed in a rectangle
+        # gaps are closed, and shadows taken out, in a rectangle
         apart = wanted is not None and palette.shadow is None and not palette.varied
         rows = wanted.rows if wanted is not None and apart else _rows_of(inside)
         _cover(frame, background, palette, inside, rows, planes)
     return planes
+
+
+def _is_cut_evenly(frame: Frame) -> bool:
+    """Return whether a part of a picture has the colours that it has in the whole: their samples are so many
+    pixels large; else they lie a little elsewhere in every part."""
+    small = frame.luma.shape if frame.chroma is None else frame.chroma[0].shape
+    return all(full % count == 0 for full, count in zip(frame.luma.shape, small, strict=True))
 
 
 def _rows_of(window: Window) -> np.ndarray:
@@ -86,7 +94,7 @@ def _cover(
     background: Background,
     palette: Palette,
     window: Window,
-    wanted: np.ndarray,
+    rows: np.ndarray,
     planes: np.ndarray,
 ) -> None:
     """Fill stretches of the planes, (row, column), as far as they lie in a window."""
@@ -95,18 +103,18 @@ def _cover(
     if not (palette.grey_only or frame.chroma is None or background.chroma is None):
         dimmed = palette.dimmed[0] if palette.dimmed is not None else NOTHING
         chroma = _chroma_part(frame.chroma, background, palette, window)
-    _project(frame.luma, chroma, background.luma, colours, dimmed, palette.scale, window, wanted, planes)
-    rows, columns = slice(window.top, window.bottom), slice(window.left, window.right)
+    _project(frame.luma, chroma, background.luma, colours, dimmed, palette.scale, window, rows, planes)
+    high, wide = slice(window.top, window.bottom), slice(window.left, window.right)
     if palette.any_difference:
-        _any_difference(frame, background, palette, window, wanted, planes[-1])
+        _any_difference(frame, background, palette, window, rows, planes[-1])
         if palette.varied:
-            inside = planes[:, rows, columns]
-            planes[-1, rows, columns] = _closed(inside.max(axis=0), _closing(frame.luma.shape))
+            inside = planes[:, high, wide]
+            planes[-1, high, wide] = _closed(inside.max(axis=0), _closing(frame.luma.shape))
     if palette.shadow is not None:
         part = replace(background, window=window)
         unshadowed(frame, part, palette.shadow, palette.colours, planes)
     if background.others is not None:
-        planes[:, rows, columns][:, background.others[rows, columns]] = 0
+        planes[:, high, wide][:, background.others[high, wide]] = 0
 
 
 def _contains(window: Window, other: Window) -> bool:
@@ -162,7 +170,7 @@ def _any_difference(
     background: Background,
     palette: Palette,
     window: Window,
-    wanted: np.ndarray,
+    rows: np.ndarray,
     out: np.ndarray,
 ) -> None:
     """Fill stretches of ``out``, uint8 (height, width), as far as they lie in a window, with coverage from
@@ -176,7 +184,7 @@ def _any_difference(
     # borders that stand out more than the least contrast keep their profile up to twice the range
     full, most = (ANY_CONTRAST, FULL) if palette.varied else (2 * ANY_CONTRAST, 255)
     levels = np.array([ANY_BEYOND * palette.contrast, FULL / (full * palette.contrast), most], np.float32)
-    _differing(frame.luma, chroma, background.luma, background.pixel_noise, window, wanted, levels, out)
+    _differing(frame.luma, chroma, background.luma, background.pixel_noise, window, rows, levels, out)
 
 
 class _Enlarged(NamedTuple):
@@ -271,7 +279,7 @@ def _project(
     dimmed: np.ndarray,
     scale: np.ndarray,
     window: Window,
-    wanted: np.ndarray,
+    rows: np.ndarray,
     out: np.ndarray,
 ) -> None:
     """Fill stretches of ``out`` (colour, height, width), as far as they lie in a window, with the coverage by
@@ -282,13 +290,13 @@ def _project(
     contrast.
     """
     # Rows are cut out, and the cases are separate loops without a branch: so they use vector registers.
-    for i in range(wanted.shape[0]):
-        y, left, right = _stretch(wanted[i], window)
+    for i in range(rows.shape[0]):
+        y, left, right = _stretch(rows[i], window)
         if left >= right:
             continue
         shown, behind = luma[y][left:right], background[y][left:right]
         for k in range(colours.shape[0]):
-            if wanted[i, PLANE] != k and wanted[i, PLANE] != EVERY_PLANE:
+            if rows[i, PLANE] != k and rows[i, PLANE] != EVERY_PLANE:
                 continue
             target = colours[k, GREY]
             light = target - np.float32(BLACK[GREY])
@@ -312,12 +320,12 @@ def _project(
 
 
 @njit(cache=True, **INLINED)
-def _stretch(wanted: np.ndarray, window: Window) -> tuple[int, int, int]:
+def _stretch(row: np.ndarray, window: Window) -> tuple[int, int, int]:
     """Return the row of a stretch (column,), its first column and the one past its last within a window."""
-    y = wanted[ROW]
+    y = row[ROW]
     if y < window.top or y >= window.bottom:
         return 0, 0, 0
-    return y, max(wanted[LEFT], window.left), min(wanted[RIGHT], window.right)
+    return y, max(row[LEFT], window.left), min(row[RIGHT], window.right)
 
 
 @njit(cache=True, fastmath=True, **INLINED)
@@ -337,7 +345,7 @@ def _differing(
     background: np.ndarray,
     noise: np.ndarray,
     window: Window,
-    wanted: np.ndarray,
+    rows: np.ndarray,
     levels: np.ndarray,
     out: np.ndarray,
 ) -> None:
@@ -349,8 +357,8 @@ def _differing(
     """
     beyond, scale, most = levels[0], levels[1], levels[2]
     none, weight, counts = np.float32(0.0), np.float32(CHROMA_WEIGHT), np.float32(ANY_NOISE)
-    for i in range(wanted.shape[0]):
-        y, left, right = _stretch(wanted[i], window)
+    for i in range(rows.shape[0]):
+        y, left, right = _stretch(rows[i], window)
         if left >= right:
             continue
         shown, behind, covered = luma[y][left:right], background[y][left:right], out[y][left:right]

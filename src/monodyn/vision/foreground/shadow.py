@@ -49,7 +49,7 @@ SIGMAS = 2.5
 LEAST_DETAIL = 1.0
 """Standard deviation of the background's detail below which it is too plain to say [grey levels]."""
 FRAMES = 12
-"""Samples that are enough to look for a shadow in."""
+"""Samples, about, that are enough to look for a shadow in."""
 GREY = 128.0
 """Blue and red difference of a pixel without colour."""
 BAND_PX = 3

@@ -26,7 +26,8 @@ def spacing(count: int, enough: int) -> int:
 
     Args:
         count: How many there are.
-        enough: About how many of them are enough, if there are as many.
+        enough: About how many of them are wanted: between three quarters of that and half as many again are
+            taken, or all where there are not so many.
     """
     return max(1, round(count / enough))
 

@@ -29,7 +29,7 @@ or the side from which it is seen, and with the pixels' rows and columns."""
 SLIDING = ("camera.x", "camera.y")
 """Places that every frame has in common with all edges of the outline."""
 AT_ONCE = 64
-"""Poses whose derivatives are computed at a time."""
+"""Poses whose derivatives are computed at a time, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +69,9 @@ class Doubt:
             What is added to the positions, (direction, frame, dof).
         """
         unit = np.where(slides, self.metre, 1.0)
-        parts = np.array_split(position * unit, max(1, len(position) // AT_ONCE))
-        gains = np.concatenate(on_all_cores(lambda part: pose_gains(*self._turned, part), parts))
+        rig, shifts = self._turned
+        parts = np.array_split(position * unit, -(-len(position) // AT_ONCE) or 1)
+        gains = np.concatenate(on_all_cores(lambda part: pose_gains(rig, shifts, part), parts))
         moved = np.einsum("fdp,pk->kfd", gains, self.root) / unit
         return np.concatenate((moved, self._edges.at(position)))
 

@@ -55,7 +55,6 @@ class Rule(NamedTuple):
     coloured: np.ndarray
 
 
-# short enough to be done at a stretch: whoever leaves the interpreter has to wait for it afterwards
 @njit(cache=True, nogil=True)
 def sighted(
     planes: np.ndarray,
@@ -64,7 +63,7 @@ def sighted(
     start: np.ndarray,
     limits: MoveLimits,
     search: EdgeSearch,
-    known: float,
+    margin: float,
     rule: Rule,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, bool]:
     """Move a pose onto a mask, and judge each link and joint.
@@ -76,7 +75,7 @@ def sighted(
         start: Joint positions to start from, (dof,).
         limits: What holds the pose.
         search: How the edges are looked for.
-        known: How far around the outline of the start the mask is known [px].
+        margin: How far around the outline of the start the mask is known [px].
         rule: What links and joints are judged by.
 
     Returns:
@@ -84,7 +83,7 @@ def sighted(
         and the links that lie on it, each bool (dof,); how well the outline does, 0 to 2; and whether only
         the known part of the mask was looked at, see ``follow_kernel``.
     """
-    q, information, links, kept = follow_kernel(planes, view, rig, start, limits, search, known)
+    q, information, links, kept = follow_kernel(planes, view, rig, start, limits, search, margin)
     covariance, joints, score = _weighed(information, links, rule)
     return q, covariance, joints, _lying(links, rule), score, kept
 
