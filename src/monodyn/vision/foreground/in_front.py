@@ -16,7 +16,7 @@ class Still(NamedTuple):
 
     Attributes:
         least: Least level of each channel, as many as the background has, uint8 (channel, height, width).
-        most: Its largest level, likewise.
+        most: Largest level of each, uint8 (channel, height, width).
         inside: The region that counts, bool (height, width).
         window: The rows and columns in which it lies.
     """
