@@ -9,7 +9,8 @@ import pytest
 
 from monodyn.types import Frame
 from monodyn.vision.foreground.background import background_of, within
-from monodyn.vision.foreground.covered import Covered, covered_whole, whole_samples
+from monodyn.vision.foreground.chroma import whole_samples
+from monodyn.vision.foreground.covered import Covered, covered_whole
 from monodyn.vision.foreground.thumbnails import Window
 from pictures import samples, wandering
 

@@ -13,6 +13,7 @@ from monodyn.vision.foreground.background import Background, background_of
 from monodyn.vision.foreground.coverage import coverage_of
 from monodyn.vision.foreground.masks import GeomColours, Wanted
 from monodyn.vision.foreground.palette import BLACK, Palette, measured_palette
+from monodyn.vision.foreground.shadow import Shadow
 from monodyn.vision.foreground.thumbnails import Window
 from pictures import H, W, palette_found, samples, wandering
 
@@ -179,3 +180,31 @@ def palette_tint(frame: Frame, background: Background, palette: Palette) -> np.n
     rows, columns = 2 * (top // 2), 2 * (left // 2)
     whole[rows : rows + large.shape[0], columns : columns + large.shape[1]] = large
     return whole
+
+
+@pytest.mark.parametrize("more", [0, 1])
+@pytest.mark.parametrize("grey", [True, False])
+def test_a_part_has_the_shadows_of_the_whole(more: int, grey: bool) -> None:
+    rng = np.random.default_rng(5)
+    made = [grown(frame, more) for frame in wandering(colour=(90 if grey else 150, 90, 180), noise=0.5)]
+    background = replace(background_of(samples(made)), window=Window(5, 55, 11, 74))
+    palette = palette_found(made, background, "grey" if grey else "colour", 14.0)
+    palette = replace(palette, shadow=Shadow(0.5, 0.8))
+    changed = 0
+    for _ in range(40):
+        # patches of wall in more or less shadow, with some colour
+        luma = background.luma * cv2.blur(rng.uniform(0.3, 1.1, background.luma.shape), (9, 9))
+        tint = [
+            np.clip(plane + rng.normal(scale=3.0, size=plane.shape), 0, 255) for plane in made[0].chroma or ()
+        ]
+        frame = Frame(0, 0.0, luma.astype(np.uint8), (tint[0].astype(np.uint8), tint[1].astype(np.uint8)))
+        top, left = int(rng.integers(0, 40)), int(rng.integers(0, 50))
+        window = Window(top, top + 18, left, left + 25)
+        rows = np.array([(-1, y, window.left, window.right) for y in range(window.top, window.bottom)])
+        part = coverage_of(frame, background, palette, Wanted(rows, window))
+        whole = coverage_of(frame, background, palette)
+        inside = slice(window.top, window.bottom), slice(window.left, window.right)
+        np.testing.assert_array_equal(part[:, *inside], whole[:, *inside])
+        without = coverage_of(frame, background, replace(palette, shadow=None))
+        changed += int(np.count_nonzero(without != whole))
+    assert changed > 500

@@ -10,7 +10,7 @@ import numpy as np
 from monodyn.cores import on_all_cores
 from monodyn.types import Frame
 from monodyn.vision.foreground.background import CHANGED_NOISE, Background
-from monodyn.vision.foreground.covered import whole_samples
+from monodyn.vision.foreground.chroma import enlarged, whole_samples
 from monodyn.vision.foreground.shadow import Shadow, in_shadow
 from monodyn.vision.foreground.thinned import spacing, thinned, thinning
 from monodyn.vision.foreground.thumbnails import Window
@@ -152,17 +152,10 @@ def _moving_window(background: Background) -> Window:
 
 def _cut(plane: np.ndarray, window: Window, shape: tuple[int, ...]) -> np.ndarray:
     """Return the window of a plane of a picture of a height and width, at full size, (row, column)."""
-    import cv2
-
-    (down, across), (top, bottom, left, right) = (shape[k] / plane.shape[k] for k in (0, 1)), window
-    rows, columns = (
-        slice(round(first / step), round(stop / step))
-        for first, stop, step in ((top, bottom, down), (left, right, across))
-    )
     if plane.shape == shape:
-        return np.ascontiguousarray(plane[rows, columns])
-    # as the coverage is enlarged
-    return cv2.resize(plane[rows, columns], (right - left, bottom - top), interpolation=cv2.INTER_LINEAR)
+        return np.ascontiguousarray(plane[window.top : window.bottom, window.left : window.right])
+    way = enlarged(window, shape, plane.shape)
+    return way.cut(plane[way.part])
 
 
 def surroundings(samples: Sequence[Frame], background: Background, contrast: float) -> list[np.ndarray]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -11,6 +10,7 @@ from numba import njit
 from monodyn.types import FULL, Frame
 from monodyn.uncounted import INLINED, UNCOUNTED
 from monodyn.vision.foreground.background import Background, Window
+from monodyn.vision.foreground.chroma import enlarged
 from monodyn.vision.foreground.masks import EVERY_PLANE, LEFT, PLANE, RIGHT, ROW, Wanted
 from monodyn.vision.foreground.palette import BLACK, CHROMA_WEIGHT, Palette
 from monodyn.vision.foreground.shadow import unshadowed
@@ -64,21 +64,13 @@ def coverage_of(
         planes, window = np.empty(shape, dtype=np.uint8), wanted.window
         if not _contains(inside, window):
             planes[:, window.top : window.bottom, window.left : window.right] = 0
-        if _is_cut_evenly(frame):
-            inside = _common(inside, _grown(window, _around(palette, shape[1:])))
+        inside = _common(inside, _grown(window, _around(palette, shape[1:])))
     if inside.top < inside.bottom and inside.left < inside.right:
         # gaps are closed, and shadows taken out, in a rectangle
         apart = wanted is not None and palette.shadow is None and not palette.varied
         rows = wanted.rows if wanted is not None and apart else _rows_of(inside)
         _cover(frame, background, palette, inside, rows, planes)
     return planes
-
-
-def _is_cut_evenly(frame: Frame) -> bool:
-    """Return whether a part of a picture has the colours that it has in the whole: their samples are so many
-    pixels large; else they lie a little elsewhere in every part."""
-    small = frame.luma.shape if frame.chroma is None else frame.chroma[0].shape
-    return all(full % count == 0 for full, count in zip(frame.luma.shape, small, strict=True))
 
 
 def _rows_of(window: Window) -> np.ndarray:
@@ -177,7 +169,7 @@ def _any_difference(
     the size of the difference alone, beyond the noise."""
     chroma = np.zeros((0, 0), dtype=np.float32)
     if not palette.grey_only and frame.chroma is not None and background.chroma is not None:
-        way = _enlarged(window, frame.luma.shape, frame.chroma[0].shape)
+        way = enlarged(window, frame.luma.shape, frame.chroma[0].shape)
         pairs = zip(frame.chroma, background.chroma, strict=True)
         blue, red = (plane[way.part] - back[way.part] for plane, back in pairs)
         chroma = np.ascontiguousarray(way.cut(blue**2 + red**2))
@@ -187,43 +179,6 @@ def _any_difference(
     _differing(frame.luma, chroma, background.luma, background.pixel_noise, window, rows, levels, out)
 
 
-class _Enlarged(NamedTuple):
-    """How a window is cut out of chroma planes.
-
-    Attributes:
-        part: The pixels of the planes that show it, rows and columns.
-        size: Width and height that these cover in the full picture [px].
-        inside: Rows and columns of the window in that.
-    """
-
-    part: tuple[slice, slice]
-    size: tuple[int, int]
-    inside: tuple[slice, slice]
-
-    def cut(self, plane: np.ndarray) -> np.ndarray:
-        """Return the window of a part of a plane at its full size."""
-        import cv2
-
-        return cv2.resize(plane, self.size, interpolation=cv2.INTER_LINEAR)[self.inside]
-
-
-def _enlarged(window: Window, shape: tuple[int, ...], small: tuple[int, ...]) -> _Enlarged:
-    """Return how a window of a picture is cut out of chroma planes, the sizes being (height, width)."""
-    parts, sizes, insides = [], [], []
-    for first, stop, full, count in (
-        (window.top, window.bottom, shape[0], small[0]),
-        (window.left, window.right, shape[1], small[1]),
-    ):
-        # a window may begin in the middle of a chroma pixel
-        step = full / count
-        begin, end = int(first / step), int(np.ceil(stop / step))
-        start = round(begin * step)
-        parts.append(slice(begin, end))
-        sizes.append(round(end * step) - start)
-        insides.append(slice(first - start, stop - start))
-    return _Enlarged((parts[0], parts[1]), (sizes[1], sizes[0]), (insides[0], insides[1]))
-
-
 def _chroma_part(
     chroma: tuple[np.ndarray, np.ndarray], background: Background, palette: Palette, window: Window
 ) -> np.ndarray:
@@ -231,7 +186,7 @@ def _chroma_part(
     assert background.chroma is not None
     behind, colours, shape = background.chroma, palette.colours.astype(np.float32), background.luma.shape
     # the projection is linear, so it may be taken at the chroma's own size and enlarged afterwards
-    way = _enlarged(window, shape, chroma[0].shape)
+    way = enlarged(window, shape, chroma[0].shape)
     part = way.part
     small = np.empty(
         (len(colours), part[0].stop - part[0].start, part[1].stop - part[1].start), dtype=np.float32

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from monodyn.cores import on_all_cores
+from monodyn.vision.foreground.chroma import pixels_of_a_sample, whole_samples
 from monodyn.vision.foreground.thumbnails import Window
 
 
@@ -72,7 +73,7 @@ class Covered:
         """
         if self.window != whole_samples(self.window, shape, small):
             raise ValueError(f"window: expected whole samples of {small} in {shape}, got {self.window}.")
-        (down, across), (top, bottom, left, right) = _pixels_of_a_sample(shape, small), self.window
+        (down, across), (top, bottom, left, right) = pixels_of_a_sample(shape, small), self.window
         window = Window(round(top / down), round(bottom / down), round(left / across), round(right / across))
         size = window.bottom - window.top, window.right - window.left
         return Covered(on_all_cores(lambda mask: reduced_mask(mask, size), self.masks), window)
@@ -86,25 +87,6 @@ def covered_whole(masks: Sequence[np.ndarray]) -> Covered:
     """
     height, width = masks[0].shape
     return Covered(masks, Window(0, height, 0, width))
-
-
-def whole_samples(window: Window, shape: tuple[int, ...], small: tuple[int, ...] | None) -> Window:
-    """Return the part of a picture around a window that is of whole samples of its colours.
-
-    Args:
-        window: The window; what of it is outside of the picture is left out.
-        shape: Height and width of the picture [px].
-        small: The same of the planes of its colours, or None without any; where a sample of them is not of
-            whole pixels, all of the picture is returned.
-    """
-    height, width = shape
-    down, across = _pixels_of_a_sample(shape, small or shape)
-    if down % 1 or across % 1:
-        return Window(0, height, 0, width)
-    down, across = int(down), int(across)
-    top, left = max(0, window.top) // down * down, max(0, window.left) // across * across
-    bottom, right = -(-min(height, window.bottom) // down), -(-min(width, window.right) // across)
-    return Window(top, bottom * down, left, right * across)
 
 
 def reduced_mask(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
@@ -121,8 +103,3 @@ def reduced_mask(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 
     full = mask.view(np.uint8) * np.uint8(255)
     return cv2.resize(full, (shape[1], shape[0]), interpolation=cv2.INTER_AREA) > 0
-
-
-def _pixels_of_a_sample(shape: tuple[int, ...], small: tuple[int, ...]) -> tuple[float, float]:
-    """Return how many rows and columns of a picture a sample of its colours is of."""
-    return shape[0] / small[0], shape[1] / small[1]

@@ -21,7 +21,8 @@ from monodyn.vision.foreground.changes import (
     moving_pixels,
     surroundings,
 )
-from monodyn.vision.foreground.covered import Covered, whole_samples
+from monodyn.vision.foreground.chroma import whole_samples
+from monodyn.vision.foreground.covered import Covered
 from monodyn.vision.foreground.shadow import Shadow, find_shadow
 from monodyn.vision.foreground.thinned import at_pixels
 from monodyn.vision.foreground.thumbnails import Window

@@ -18,6 +18,7 @@ import numpy as np
 from monodyn.cores import on_all_cores
 from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import CHANGED_NOISE, SHOWN_NOISE, Background
+from monodyn.vision.foreground.chroma import enlarged
 from monodyn.vision.foreground.thinned import spacing, thinned, thinning
 
 LIT = 0.95
@@ -199,24 +200,18 @@ def _dark_part(
     frame: Frame, background: Background, shadow: Shadow
 ) -> tuple[np.ndarray, tuple[slice, slice]]:
     """Return where the moving part of a picture is as dark as in the shadow, and that part."""
-    top, bottom, left, right = background.window
-    small = (slice(0, 0), slice(0, 0))
-    if frame.chroma is not None:
-        # whole chroma samples
-        down, across = (round(a / b) for a, b in zip(frame.luma.shape, frame.chroma[0].shape, strict=True))
-        top, left = top - top % down, left - left % across
-        small = (slice(top // down, -(-bottom // down)), slice(left // across, -(-right // across)))
-        bottom, right = (
-            min(small[0].stop * down, frame.luma.shape[0]),
-            min(small[1].stop * across, frame.luma.shape[1]),
-        )
-    box = (slice(top, bottom), slice(left, right))
-    luma, behind = frame.luma[box], background.luma[box]
-    inside = (luma > shadow.low * behind) & (luma < shadow.high * behind)
+    shape = frame.luma.shape
+    way = enlarged(background.window, shape, shape if frame.chroma is None else frame.chroma[0].shape)
+    luma, behind = frame.luma[way.box], background.luma[way.box]
+    dark = (luma > shadow.low * behind) & (luma < shadow.high * behind)
     if frame.chroma is not None and background.chroma is not None:
         ratio = luma / np.maximum(behind, 1.0)
-        inside &= _keeps_tint([c[small] for c in frame.chroma], [c[small] for c in background.chroma], ratio)
-    return inside, box
+        shown, usual = ([plane[way.part] for plane in planes] for planes in (frame.chroma, background.chroma))
+        dark &= _keeps_tint(shown, usual, ratio)
+    # the samples around the window may be many
+    inside = np.zeros_like(dark)
+    inside[way.inside] = dark[way.inside]
+    return inside, way.box
 
 
 def _wall(background: Background, contrast: float, step: int) -> _Wall:
