@@ -68,6 +68,7 @@ def find_blurred_edge(
     hull: np.ndarray,
     first: np.ndarray,
     lines: np.ndarray,
+    order: np.ndarray,
     own: int,
     at: Normal,
     path: tuple[float, float, float, float],
@@ -90,6 +91,7 @@ def find_blurred_edge(
         hull: Corners of all geoms, indices into ``px``, (entry,).
         first: Where each geom's corners start, (geom + 1,).
         lines: The lines along their edges, from ``outline_lines``, (entry, column).
+        order: Which geoms lie in front of which, (geom, geom).
         own: The geom.
         at: The place on its outline.
         path: Where that place is at the beginning and at the end of the exposure, against its middle: x, y
@@ -114,7 +116,7 @@ def find_blurred_edge(
             return OUTSIDE
     for there in (at, Normal(x - path[0], y - path[1], nx, ny), Normal(x - path[2], y - path[3], nx, ny)):
         # the other geoms move much the same: seen from them it is this place that moves
-        if is_covered(lines, first, own, there, reach):
+        if is_covered(lines, first, order, own, there, inner, reach):
             return HIDDEN
     weight = least_trust(known, at, inner, outer)
     if weight < TRUSTED:

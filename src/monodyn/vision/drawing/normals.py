@@ -135,6 +135,7 @@ def _geom_samples(
     reach, spacing = search
     a, size = first[g], first[g + 1] - first[g]
     coverage, known, shaded = planes[view.part[g]], view.trust[view.part[g]], view.shaded[g]
+    order = view.order
     # without a plane of any difference the geom's own stands in for it, and shows nothing that it did not
     border = view.part[g] if view.border < 0 else view.border
     borders, borders_known = planes[border], view.trust[border]
@@ -184,12 +185,12 @@ def _geom_samples(
                 )
             if (path[2] - path[0]) ** 2 + (path[3] - path[1]) ** 2 > LEAST_SWEEP_PX * LEAST_SWEEP_PX:
                 reason = find_blurred_edge(
-                    coverage, known, shaded, px, hull, first, lines, g, at, path, reach, ends[count],
+                    coverage, known, shaded, px, hull, first, lines, order, g, at, path, reach, ends[count],
                     samples[count],
                 )  # fmt: skip
             else:
                 reason = _find_edge(
-                    coverage, known, borders, borders_known, shaded, lines, first, g, at, reach, top,
+                    coverage, known, borders, borders_known, shaded, lines, first, order, g, at, reach, top,
                     samples[count],
                 )  # fmt: skip
             if reason == USED or left_out:
@@ -231,6 +232,7 @@ def _find_edge(
     shaded: bool,
     lines: np.ndarray,
     first: np.ndarray,
+    order: np.ndarray,
     own: int,
     at: Normal,
     reach: float,
@@ -253,7 +255,7 @@ def _find_edge(
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
             return OUTSIDE
     # where another geom covers the outer side the mask has no edge: it goes on in the other geom
-    if is_covered(lines, first, own, at, reach):
+    if is_covered(lines, first, order, own, at, inner, reach):
         return HIDDEN
     weight = least_trust(known, at, inner, reach)
     border = weight < TRUSTED

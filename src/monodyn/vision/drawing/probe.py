@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.uncounted import INLINED, UNCOUNTED
+from monodyn.vision.foreground.masks import BACK, FRONT
 
 STEP_PX = 0.5
 """Distance of the picture samples along a normal [px]."""
@@ -109,18 +110,26 @@ def outline_lines(px: np.ndarray, hull: np.ndarray, first: np.ndarray) -> np.nda
 
 
 @njit(cache=True, **INLINED)
-def is_covered(lines: np.ndarray, first: np.ndarray, own: int, at: Normal, reach: float) -> bool:
+def is_covered(
+    lines: np.ndarray, first: np.ndarray, order: np.ndarray, own: int, at: Normal, inner: float, reach: float
+) -> bool:
     """Return whether another geom than ``own`` covers a place or what lies outwards of it.
 
-    Four places along the normal find every geom that is wider than a third of the search length.
+    Four places along the normal find every geom that is wider than a third of the search length. What ``own``
+    lies in front of, in the order of the geoms (geom, geom), covers nothing; what lies in front of it may
+    not cover what is searched inwards either.
     """
     covered = False
     for g in range(first.shape[0] - 1):
-        if g == own or _is_apart(lines, first[g], first[g + 1], at, reach):
+        if g == own or order[own, g] == FRONT:
+            continue
+        deep = inner if order[own, g] == BACK else 0.0
+        x, y, length = at.x - deep * at.nx, at.y - deep * at.ny, deep + reach
+        if _is_apart(lines, first[g], first[g + 1], Normal(x, y, at.nx, at.ny), length):
             continue
         for k in range(4):
-            t = k * reach / 3.0
-            if outside(lines, first[g], first[g + 1], at.x + t * at.nx, at.y + t * at.ny) < COVERED_PX:
+            t = k * length / 3.0
+            if outside(lines, first[g], first[g + 1], x + t * at.nx, y + t * at.ny) < COVERED_PX:
                 covered = True
                 break
         if covered:

@@ -23,7 +23,7 @@ from monodyn.vision.clip.steady import NO_PARALLAX, Parallax
 from monodyn.vision.clip.video import Video
 from monodyn.vision.foreground.background import Background, Samples
 from monodyn.vision.foreground.mask_files import BLACK, WHITE, OpenedMasks, opened_masks
-from monodyn.vision.foreground.masks import GeomColours, View, Wanted, plain_view
+from monodyn.vision.foreground.masks import GeomColours, View, Wanted, no_order, plain_view
 from monodyn.vision.foreground.sampling import sample_frames
 from monodyn.vision.foreground.unread import Sampled
 from monodyn.vision.settings import SegmentSettings
@@ -104,7 +104,8 @@ class GivenMasks(Sampled):
         trust = np.ones(self.background.luma.shape, np.float32)
         if self.part is None or len(self.part) != geoms:
             return plain_view(trust, geoms)
-        return View(np.repeat(trust[np.newaxis], self.planes, axis=0), self.part, np.zeros(geoms, np.bool_))
+        planes, even = np.repeat(trust[np.newaxis], self.planes, axis=0), np.zeros(geoms, np.bool_)
+        return View(planes, self.part, even, no_order(geoms))
 
     def over(self, samples: Samples) -> GivenMasks:
         """Return the same masks, of other samples and in a part of the picture.

@@ -21,6 +21,8 @@ from monodyn.vision.foreground.thumbnails import Window
 
 NOT_SHOWN, VARIED = -2, -1
 """Stand for the colour of a geom that the camera does not see, and of one that has no single colour."""
+FRONT, BACK = 1, -1
+"""A geom that lies in front of another, and one that lies behind it."""
 LEFT_OUT = -1
 """Stands for the plane of a geom that is hidden or that the camera does not see."""
 PLANE, ROW, LEFT, RIGHT = range(4)
@@ -50,6 +52,7 @@ class View(NamedTuple):
             float32 (plane, height, width).
         part: Plane of each geom, int64 (geom,); ``LEFT_OUT`` for one at which no edge is looked for.
         shaded: True for geoms whose edges are taken against their own level, bool (geom,).
+        order: Which geoms lie in front of which, see `GeomColours`, int8 (geom, geom).
         border: Plane of any difference, in which edges are looked for where a geom's own plane is not
             trusted; -1 for none.
     """
@@ -57,6 +60,7 @@ class View(NamedTuple):
     trust: np.ndarray
     part: np.ndarray
     shaded: np.ndarray
+    order: np.ndarray
     border: int = -1
 
     @property
@@ -82,6 +86,9 @@ class GeomColours:
             borders show.
         light: Standard deviation of the light on each colour, as a share of it, (colour,); None where
             it is even.
+        order: Which geoms lie in front of which, int8 (geom, geom): ``FRONT`` where the row's geom does,
+            and its edges show before the column's, ``BACK`` where that one covers it, 0 where neither is
+            known; None where nothing is.
     """
 
     colours: np.ndarray
@@ -89,6 +96,7 @@ class GeomColours:
     shaded: np.ndarray
     camouflaged: bool = False
     light: np.ndarray | None = None
+    order: np.ndarray | None = None
 
 
 class Masks(Protocol):
@@ -221,7 +229,16 @@ def plain_view(trust: np.ndarray, geoms: int) -> View:
     Returns:
         The view.
     """
-    return View(trust[np.newaxis], np.zeros(geoms, np.int64), np.zeros(geoms, np.bool_))
+    return View(trust[np.newaxis], np.zeros(geoms, np.int64), np.zeros(geoms, np.bool_), no_order(geoms))
+
+
+def no_order(geoms: int) -> np.ndarray:
+    """Return that of no geom it is known whether it lies in front of another, int8 (geom, geom).
+
+    Args:
+        geoms: Number of geoms of the mechanism.
+    """
+    return np.zeros((geoms, geoms), np.int8)
 
 
 def planes_for(mask: Mask, view: View) -> np.ndarray:

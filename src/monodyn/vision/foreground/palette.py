@@ -15,7 +15,7 @@ from monodyn.cores import on_all_cores
 from monodyn.types import FULL
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background
 from monodyn.vision.foreground.changes import MOST_CONTRAST, full_size
-from monodyn.vision.foreground.masks import LEFT_OUT, NOT_SHOWN, VARIED, GeomColours, View, plain_view
+from monodyn.vision.foreground.masks import LEFT_OUT, NOT_SHOWN, VARIED, GeomColours, View, no_order, plain_view
 from monodyn.vision.foreground.moving_colours import MovingColours
 from monodyn.vision.foreground.shadow import Shadow
 
@@ -50,6 +50,7 @@ class Palette:
             plane of the mask counts any difference from the background as foreground too.
         part: Plane of the mask for each geom once its colour has been measured, int64 (geom,), or None.
         shaded: True for geoms that show their colour at many levels, bool (geom,), or None before.
+        order: Which geoms lie in front of which, see `GeomColours`, int8 (geom, geom), or None.
         contrast: Least difference of a pixel that has changed [grey levels].
         shadow: The mechanism's shadow, which does not count; None without one.
         dimmed: How much of each colour is taken out of its difference from the background, because more or
@@ -64,6 +65,7 @@ class Palette:
     varied: bool = False
     part: np.ndarray | None = None
     shaded: np.ndarray | None = None
+    order: np.ndarray | None = None
     contrast: float = MOST_CONTRAST
     shadow: Shadow | None = None
     dimmed: tuple[np.ndarray, np.ndarray] | None = None
@@ -80,7 +82,8 @@ class Palette:
         if self.part is None or self.shaded is None:
             return plain_view(self.least_trust, geoms)
         border = len(self.colours) if self.any_difference and not self.varied else -1
-        return View(self.trust, self.part, self.shaded, border)
+        order = no_order(geoms) if self.order is None else self.order
+        return View(self.trust, self.part, self.shaded, order, border)
 
     @property
     def least_trust(self) -> np.ndarray:
@@ -131,6 +134,7 @@ def measured_palette(palette: Palette, background: Background, measured: GeomCol
         varied=varied,
         part=part,
         shaded=measured.shaded,
+        order=measured.order,
         contrast=palette.contrast,
         shadow=palette.shadow,
     )

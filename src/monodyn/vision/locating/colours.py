@@ -11,7 +11,7 @@ from monodyn.types import Frame
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background
 from monodyn.vision.foreground.changes import BEHIND, SHOWN
-from monodyn.vision.foreground.masks import NOT_SHOWN, VARIED, GeomColours
+from monodyn.vision.foreground.masks import BACK, FRONT, NOT_SHOWN, VARIED, GeomColours, no_order
 from monodyn.vision.foreground.palette import BLACK, CHROMA_WEIGHT
 from monodyn.vision.locating.search import SceneGuess
 
@@ -48,6 +48,13 @@ NOT_SHOWN_PERCENT = 80.0
 """A geom of which this share of pixels does not stand out from what is behind it is not shown at all."""
 UNSEEN = -3
 """Stands for the colour of a geom that shows too few pixels to measure it."""
+ALONE_PX = 1.5
+"""Half width of the place that two geoms share from which some of its pixels show one of them alone."""
+LIKE_ONE, ALIKE_SHARE = 0.25, 0.8
+"""How far from one colour towards another a pixel still has the first, as a share of the way, and share of
+the pixels that both geoms cover which have that of the one in front."""
+APART = 0.1
+"""Coverage by a geom's colour that another geom shows, below which edges of the first show before it."""
 HALF_WIDTH = 6
 """Column of a table of pixels, after ``SHOWN`` and ``BEHIND``: the geom's half width in the picture
 [px]."""
@@ -85,17 +92,20 @@ def geom_colours(
     good = good[:: max(1, len(good) // MOST_FRAMES)]
     geoms = len(guess.mechanism.shapes.radius)
 
+    pairs = [(g, h) for g in range(geoms) for h in range(g)]
+
     def inner(i: int) -> list[np.ndarray]:
         poses = meanwhile[i] if len(meanwhile) else guess.positions[i : i + 1]
         by = away[i] if len(away) else np.zeros(2)
         outlines = [[p + by for _, p in outline(guess.mechanism, guess.camera, q)] for q in poses]
         # what is behind the camera has no outline, and then the others would not be in the order of the geoms
         if min(len(drawn) for drawn in outlines) < geoms:
-            return [np.zeros((0, PIXEL_COLUMNS))] * geoms
-        return _inner_pixels(samples[i], background, outlines)
+            return [np.zeros((0, PIXEL_COLUMNS))] * (geoms + len(pairs))
+        return _inner_pixels(samples[i], background, outlines, pairs)
 
-    rows = zip(*on_all_cores(inner, good), strict=True) if len(good) else [[]] * geoms
-    pixels = [np.concatenate([np.zeros((0, PIXEL_COLUMNS)), *own]) for own in rows]
+    rows = zip(*on_all_cores(inner, good), strict=True) if len(good) else [[]] * (geoms + len(pairs))
+    tables = [np.concatenate([np.zeros((0, PIXEL_COLUMNS)), *own]) for own in rows]
+    pixels, shared = tables[:geoms], dict(zip(pairs, tables[geoms:], strict=True))
     shown = _shown(pixels, background.noise)
     part, colours, light = _joined(pixels, shown, background.noise, blurred=len(meanwhile) > 0)
     if not colours:
@@ -108,7 +118,37 @@ def geom_colours(
         part[g] >= 0 and _hidden_share(pixels[g], colours[part[g]], background.noise) > CAMOUFLAGED_SHARE
         for g in range(geoms)
     )
-    return GeomColours(np.array(colours), part, shaded, hidden, np.array(light))
+    order = _order(pixels, shared, part, colours)
+    return GeomColours(np.array(colours), part, shaded, hidden, np.array(light), order)
+
+
+def _order(
+    pixels: list[np.ndarray], shared: dict[tuple[int, int], np.ndarray], part: np.ndarray,
+    colours: list[np.ndarray],
+) -> np.ndarray:  # fmt: skip
+    """Return which geoms lie in front of which, int8 (geom, geom), from the pixels of each, those that two of
+    them cover, and the colour of each, (geom,): what both cover shows the colour of the one in front."""
+    order = no_order(len(part))
+    for (g, h), both in shared.items():
+        if min(part[g], part[h]) < 0 or part[g] == part[h] or len(both) < LEAST_GEOM_PIXELS:
+            continue
+        one, other = colours[part[g]], colours[part[h]]
+        way = np.nan_to_num(other - one)
+        share = np.nan_to_num(both[:, SHOWN] - one) @ way / max(float(way @ way), 1.0)
+        for front, back, like in ((g, h, share < LIKE_ONE), (h, g, share > 1.0 - LIKE_ONE)):
+            if np.mean(like) >= ALIKE_SHARE:
+                order[back, front] = BACK
+                if np.mean(_level_of(pixels[back], colours[part[front]])) < APART:
+                    order[front, back] = FRONT
+    return order
+
+
+def _level_of(pixels: np.ndarray, colour: np.ndarray) -> np.ndarray:
+    """Return each pixel's coverage by a colour, (pixel,), by projection as for the masks; only the channels
+    that exist count."""
+    full = colour - pixels[:, BEHIND]
+    size = np.maximum(np.nansum(full**2, axis=1), 1.0)
+    return np.clip(np.nansum((pixels[:, SHOWN] - pixels[:, BEHIND]) * full, axis=1) / size, 0.0, 1.0)
 
 
 def _hidden_share(pixels: np.ndarray, colour: np.ndarray, noise: float) -> float:
@@ -245,9 +285,12 @@ def _is_shaded(pixels: np.ndarray, colour: np.ndarray) -> bool:
     return float(np.percentile(share, SHADED_PERCENT)) < SHADED_LEVEL
 
 
-def _inner_pixels(frame: Frame, background: Background, outlines: list[list[np.ndarray]]) -> list[np.ndarray]:
+def _inner_pixels(
+    frame: Frame, background: Background, outlines: list[list[np.ndarray]], pairs: list[tuple[int, int]]
+) -> list[np.ndarray]:
     """Return the pixels that are deep inside of each geom and outside of the others at all times of an
-    exposure, each (pixel, column); the outlines are those of the geoms at each time."""
+    exposure, then those that are deep inside of two geoms and outside of the others, each (pixel, column);
+    the outlines are those of the geoms at each time."""
     import cv2
 
     # only the part of the picture that the mechanism covers, with a margin that no geom enters
@@ -267,10 +310,10 @@ def _inner_pixels(frame: Frame, background: Background, outlines: list[list[np.n
         masks.append(always)
         touched += ever
     found = []
-    for mask in masks:
+    for mask, geoms in [(mask, 1) for mask in masks] + [(masks[g] & masks[h], 2) for g, h in pairs]:
         depth = cv2.distanceTransform(mask, cv2.DIST_L2, 3)
         deepest = float(depth.max())
-        shows = (depth >= min(INNER_PX, 0.8 * deepest)) & (touched == 1)
+        shows = (depth >= min(INNER_PX, 0.8 * deepest)) & (touched == geoms) & (geoms == 1 or deepest >= ALONE_PX)
         y, x = np.nonzero(shows & (depth <= RIM_PX) if len(outlines) > 1 else shows)
         # at most a few hundred pixels of each frame: medians need no more
         step = max(1, len(y) // 400)

@@ -284,8 +284,8 @@ def _add_misfits(
             continue
         begun = Normal(at.x - path[0], at.y - path[1], at.nx, at.ny)
         ended = Normal(at.x - path[2], at.y - path[3], at.nx, at.ny)
-        covered = is_covered(lines, first, own, begun, REACH_PX)
-        if covered or is_covered(lines, first, own, ended, REACH_PX):
+        covered = is_covered(lines, first, view.order, own, begun, inner, REACH_PX)
+        if covered or is_covered(lines, first, view.order, own, ended, inner, REACH_PX):
             continue
         steps = math.ceil(inner + outer)
         step = (inner + outer) / steps
