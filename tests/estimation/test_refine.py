@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monodyn.estimation.record.samples import cut, prepare
+from monodyn.estimation.record.smooth import smooth
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.shooting.shoot import Optimum, typical
+from monodyn.estimation.verdict.refine import refine
 from monodyn.mechanism import load
+from monodyn.mechanism.tree import Measured
 from monodyn.stages import identify
 from swings import motion, record, sigmas
 
@@ -57,3 +64,25 @@ def test_isolated_gross_errors_up_to_a_tenth_are_left_out():
     assert fit.ok
     assert sigmas(fit.parameter("link1.length"), single.values["link1.length"]) < 4.0
     assert np.flatnonzero(np.isnan(fit.residual[0][:, 0])).tolist() == rows
+
+
+@pytest.mark.parametrize("factor", [0.5, 3.0])
+def test_sizes_keep_the_proportions_of_the_picture_where_the_motion_is_not_followed(double, factor):
+    """Many turns with one of the angles mirrored: no mechanism moves so, and a search ends anywhere."""
+    times, sizes = np.arange(200) / 30.0, ("link1.length", "link2.length", "link1.width", "link2.width")
+    poses = record(double, times, motion(double, times, [2.6, 1.0], [0.0, 0.0]) * [1.0, -1.0])
+    # the proportions to half a percent, and nothing of the common scale
+    seen = double.with_measured(Measured(sizes, (np.eye(4) - 0.25) / 0.005**2))
+    problem = posed(seen, prepare([poses], seen))
+    x = problem.unknowns.x0.copy()
+    x[problem.unknowns.names.index("link2.length")] += np.log(factor)
+    trial = problem.started(x, cut(problem.data, 10**9), (smooth(poses),))
+    rows = problem.residuals(trial)
+    ended = Optimum(
+        trial, rows, 0.0, typical(rows, problem.data.measured), 1, True, np.zeros(len(x), dtype=bool)
+    )
+    found = refine(problem, ended, IdentifySettings())
+    values = found.problem.mechanism_at(found.optimum.x).values
+    assert values["link2.length"] / values["link1.length"] == pytest.approx(
+        double.values["link2.length"] / double.values["link1.length"], rel=0.01
+    )

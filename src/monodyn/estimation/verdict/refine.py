@@ -121,8 +121,10 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     route = route_of(problem, optimum, settings)
     evaluations = optimum.evaluations
     optimum = _settled(stated, optimum)
-    # a motion that is not followed tells nothing of the camera
+    # a motion that is not followed tells nothing of the camera, and little of sizes
     common = None if route.share else unknown_errors(stated.data)
+    if route.share:
+        optimum = _as_seen(stated, optimum)
     whole, least = stated, NOISE_ROUNDS if common is None else COMMON_ROUNDS
     needed, error, rounds = 0, 0.0, 0
     # again where the optimum needs more integration steps than the search chose; they double at least
@@ -182,6 +184,21 @@ def _fitted(problem: Problem, optimum: Optimum) -> int:
     """Number of unknowns that take a degree of freedom from the motion."""
     from_picture = problem.prior.rank
     return max(len(problem.unknowns) - from_picture, 0) + optimum.trial.states.size
+
+
+def _as_seen(problem: Problem, optimum: Optimum) -> Optimum:
+    """Bring the sizes that a picture has shown to its proportions, at their common scale.
+
+    With the noise that its residuals show, a motion that is not followed tells less of them than the picture
+    does, but no search through it gets there: a small step of a size changes many turns altogether.
+    """
+    measured, unknowns = problem.mechanism.measured, problem.unknowns
+    where = unknowns.index(measured.names if measured is not None else ())
+    at = where[where >= 0]
+    x, x0 = optimum.x.copy(), unknowns.x0
+    scale = float(problem.prior.weights @ (x - x0))
+    x[at] = np.clip(x0 + np.where(unknowns.log, scale, 0.0), unknowns.lower, unknowns.upper)[at]
+    return replace(optimum, trial=_in_units_of(problem, optimum, x))
 
 
 def _settled(problem: Problem, optimum: Optimum) -> Optimum:
