@@ -30,6 +30,19 @@ def drawn_mask(mechanism: Mechanism, camera: Camera, q: np.ndarray, blur: float 
     return np.round(cv2.GaussianBlur(mask, (0, 0), blur)).astype(np.uint8)[None]
 
 
+def stacked_mask(mechanism: Mechanism, camera: Camera, q: np.ndarray) -> np.ndarray:
+    """Draw a soft mask with a plane for each geom, of which the later ones cover the earlier ones: (geom,
+    height, width)."""
+    planes = np.zeros((len(mechanism.shapes.radius), camera.height, camera.width))
+    for g in range(len(planes)):
+        shown = _averaged(mechanism, camera, q, 0, camera.height, slice(g, g + 1)) / FULL
+        planes *= 1.0 - shown
+        planes[g] = shown
+    return np.stack([np.round(FULL * cv2.GaussianBlur(plane, (0, 0), 0.8)) for plane in planes]).astype(
+        np.uint8
+    )
+
+
 def exposed_mask(
     mechanism: Mechanism,
     camera: Camera,
@@ -58,12 +71,15 @@ def exposed_mask(
     return np.round(cv2.GaussianBlur(total / count, (0, 0), 0.8)).astype(np.uint8)[None]
 
 
-def _averaged(mechanism: Mechanism, camera: Camera, q: np.ndarray, first: int, stop: int) -> np.ndarray:
-    """Draw an outline sixteen times finer than the pixels and average it, in some rows: (row, width)."""
+def _averaged(
+    mechanism: Mechanism, camera: Camera, q: np.ndarray, first: int, stop: int, geoms: slice = slice(None)
+) -> np.ndarray:
+    """Draw an outline, or that of some geoms, sixteen times finer than the pixels and average it, in some
+    rows: (row, width)."""
     fine, shown = 16, np.zeros((stop - first, camera.width), np.uint8)
     outlines = [
         np.round(((polygon + 0.5) * fine - 0.5) * 16).astype(np.int32)
-        for _, polygon in outline(mechanism, camera, q)
+        for _, polygon in outline(mechanism, camera, q)[geoms]
     ]
     if not outlines:
         return shown

@@ -49,7 +49,7 @@ def test_what_is_only_seen_is_swung_up_and_held(kind: str) -> None:
         [sys.executable, str(EXAMPLES / "balance_live.py"), kind],
         capture_output=True, text=True, env=environment,
     )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
     lines = done.stdout.splitlines()
     assert lines[-1] == "the true one is swung up and stays up"
     begun = next(line for line in lines if line.endswith("brings it to rest"))

@@ -12,7 +12,7 @@ from monodyn.mechanism import load
 from monodyn.types import Frame
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import Background, Window
-from monodyn.vision.foreground.masks import NOT_SHOWN, VARIED
+from monodyn.vision.foreground.masks import BACK, FRONT, NOT_SHOWN, VARIED
 from monodyn.vision.locating import colours
 from monodyn.vision.locating.colours import geom_colours
 from monodyn.vision.locating.search import SceneGuess
@@ -47,6 +47,34 @@ def test_each_geom_has_its_own_colour() -> None:
     assert found is not None
     assert found.colours[found.part, 0].tolist() == [60.0, 230.0]
     assert not found.shaded.any()
+
+
+@pytest.mark.parametrize(
+    ("levels", "order"),
+    [
+        ((60, 230), [[0, BACK], [FRONT, 0]]),
+        # the darker link seems to show a part of the one that is as dark or darker
+        ((60, 100), [[0, BACK], [0, 0]]),
+        ((60, 62), [[0, 0], [0, 0]]),
+    ],
+)
+def test_what_two_geoms_cover_shows_the_one_in_front(levels: tuple[int, int], order: list[list[int]]) -> None:
+    found = geom_colours(painted(*levels), BACKGROUND, GUESS, np.ones(3, bool))
+    assert found is not None
+    assert found.order is not None
+    assert found.order.tolist() == order
+
+
+def test_where_either_shows_no_geom_is_known_to_lie_in_front() -> None:
+    """Painted one over the other in turn, as pages are that are turned."""
+    frames = painted(60, 230)
+    for frame, q in zip(frames[:1], POSES, strict=False):
+        first = np.round(outline(MECHANISM, CAMERA, q)[0][1]).astype(np.int32)
+        cv2.fillPoly(frame.luma, [first], 60)
+    found = geom_colours(frames, BACKGROUND, GUESS, np.ones(3, bool))
+    assert found is not None
+    assert found.order is not None
+    assert not found.order.any()
 
 
 def test_colours_of_what_moves_are_those_of_pixels_covered_all_the_time() -> None:

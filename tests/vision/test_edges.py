@@ -23,7 +23,8 @@ from monodyn.vision.drawing.edges import (
 )
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.foreground.coverage import CHANGED_LEVEL
-from pictures import CAMERA, drawn_mask, trusted
+from monodyn.vision.foreground.masks import BACK, FRONT, View, no_order
+from pictures import CAMERA, drawn_mask, stacked_mask, trusted
 
 
 def terms(mechanism: Mechanism, mask: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, Agreement]:
@@ -63,6 +64,27 @@ def test_edges_hidden_by_another_body_do_not_count() -> None:
     _, _, shown = terms(mechanism, drawn_mask(mechanism, CAMERA, open_), open_)
     assert hidden.samples < 0.75 * shown.samples
     assert hidden.rms_px < 0.15
+
+
+@pytest.mark.parametrize("elbow", [np.pi, np.pi - 0.05, -3.0])
+def test_a_geom_in_front_of_another_shows_all_of_its_edges(elbow: float) -> None:
+    """The second link lies on the first, in a colour of its own."""
+    mechanism, rig = load("double"), rig_of(load("double"), CAMERA)
+    folded = np.array([0.4, elbow])
+    mask, near = stacked_mask(mechanism, CAMERA, folded), folded + np.array([0.005, -0.01])
+    trust, sharp = np.ones(mask.shape, np.float32), np.zeros(2, np.bool_)
+    off, links = [], []
+    for order in (np.array([[0, BACK], [FRONT, 0]], np.int8), no_order(2)):
+        view = View(trust, np.arange(2), sharp, order)
+        normal, right, found = edge_terms(mask, view, rig, no_shifts(rig), near, 4.0, 2.0)
+        off.append(np.abs(near + np.linalg.solve(normal + 1e-6 * np.eye(2), right) - folded).max())
+        links.append(found.links)
+    assert off[0] < 1e-3
+    assert links[0][1, BEHIND] == 0
+    # without the order they count as covered, and the first link's as if it were not
+    assert links[1][1, BEHIND] > 0.5 * links[0][1, SAMPLES]
+    assert links[0][0, BEHIND] > links[1][0, BEHIND]
+    assert off[1] > 2.0 * off[0]
 
 
 def test_derivatives_by_shared_parameters_against_finite_differences() -> None:

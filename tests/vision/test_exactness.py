@@ -12,7 +12,7 @@ from monodyn.types import FULL
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.halfway import half_ways
 from monodyn.vision.drawing.probe import AT_X, AT_Y, AWAY, BORDER, INNER, NORMAL_X, SAMPLE_COLUMNS
-from monodyn.vision.foreground.masks import View, plain_view
+from monodyn.vision.foreground.masks import plain_view
 from monodyn.vision.locating.bundle import NOISE_PX, SYSTEMATIC_PX, Bundle, KeyMasks, refine
 from monodyn.vision.locating.exactness import Exactness, exactness_of
 from monodyn.vision.locating.knowledge import size_information
@@ -28,7 +28,7 @@ def found(profile: np.ndarray, *, shaded: bool = False, border: bool = False) ->
     """Return where a profile along the columns passes half of its level, from column 20 [px]."""
     planes = np.tile(np.round(FULL * profile).astype(np.uint8), (1, 9, 1))
     view = plain_view(np.ones(planes.shape[1:], np.float32), 1)
-    view = View(view.trust, view.part, np.array([shaded]))
+    view = view._replace(shaded=np.array([shaded]))
     sample = np.zeros((1, SAMPLE_COLUMNS))
     sample[0, [AT_X, AT_Y, NORMAL_X, INNER, AWAY, BORDER]] = 20.0, 4.0, 1.0, 5.0, 0.2, border
     return float(half_ways(planes, view, sample, 5.0)[0])

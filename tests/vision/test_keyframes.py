@@ -10,7 +10,7 @@ import numpy as np
 
 from monodyn.types import FULL, Mask
 from monodyn.vision.foreground.background import Window
-from monodyn.vision.foreground.masks import View, plain_view
+from monodyn.vision.foreground.masks import View, no_order, plain_view
 from monodyn.vision.locating.keyframes import MOST_STRAY, key_frame, key_frames, no_frames
 
 HEIGHT, WIDTH, SHRINK = 90, 510, 3
@@ -101,7 +101,7 @@ def test_what_shows_counts_where_some_colours_cannot_be_seen() -> None:
     trust[0, :, :third] = 0.0
     trust[:, :, third : 2 * third] = 0.0
     masks = masks_of([planes])
-    masks.view = lambda geoms: View(trust, np.arange(2), np.zeros(2, bool))
+    masks.view = lambda geoms: View(trust, np.arange(2), np.zeros(2, bool), no_order(2))
     frames = key_frames(masks, 2)
     (frame,) = frames.frames
     columns = WIDTH // SHRINK // 3

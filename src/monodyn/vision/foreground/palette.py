@@ -15,7 +15,15 @@ from monodyn.cores import on_all_cores
 from monodyn.types import FULL
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background
 from monodyn.vision.foreground.changes import MOST_CONTRAST, full_size
-from monodyn.vision.foreground.masks import LEFT_OUT, NOT_SHOWN, VARIED, GeomColours, View, no_order, plain_view
+from monodyn.vision.foreground.masks import (
+    LEFT_OUT,
+    NOT_SHOWN,
+    VARIED,
+    GeomColours,
+    View,
+    no_order,
+    plain_view,
+)
 from monodyn.vision.foreground.moving_colours import MovingColours
 from monodyn.vision.foreground.shadow import Shadow
 

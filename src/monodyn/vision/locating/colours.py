@@ -313,7 +313,9 @@ def _inner_pixels(
     for mask, geoms in [(mask, 1) for mask in masks] + [(masks[g] & masks[h], 2) for g, h in pairs]:
         depth = cv2.distanceTransform(mask, cv2.DIST_L2, 3)
         deepest = float(depth.max())
-        shows = (depth >= min(INNER_PX, 0.8 * deepest)) & (touched == geoms) & (geoms == 1 or deepest >= ALONE_PX)
+        shows = (
+            (depth >= min(INNER_PX, 0.8 * deepest)) & (touched == geoms) & (geoms == 1 or deepest >= ALONE_PX)
+        )
         y, x = np.nonzero(shows & (depth <= RIM_PX) if len(outlines) > 1 else shows)
         # at most a few hundred pixels of each frame: medians need no more
         step = max(1, len(y) // 400)
