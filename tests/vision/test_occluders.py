@@ -1,11 +1,13 @@
 """Where something hides the mechanism: drawn masks of a link that swings behind a post."""
 
 import numpy as np
+import pytest
 
 from monodyn.mechanism import load
 from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.foreground.masks import BACK, FRONT, View, no_order
 from monodyn.vision.tracking.occluders import CELL_PX, Occluders, without
-from pictures import CAMERA, drawn_mask, trusted
+from pictures import CAMERA, drawn_mask, stacked_mask, trusted
 
 
 def swung(blank):
@@ -36,6 +38,19 @@ def test_a_post_is_found_where_the_link_passes():
 def test_nothing_is_hidden_where_all_shows():
     hidden, _ = swung(np.zeros((CAMERA.height, CAMERA.width), dtype=bool))
     assert not hidden.any()
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_link_behind_another_is_not_behind_an_occluder(known):
+    """The second link lies on the first, which swings about; each has its own colour."""
+    mechanism = load("double")
+    order = np.array([[0, BACK], [FRONT, 0]], np.int8) if known else no_order(2)
+    view = View(np.ones((2, CAMERA.height, CAMERA.width), np.float32), np.arange(2), np.zeros(2, bool), order)
+    found = Occluders(rig_of(mechanism, CAMERA), view)
+    for angle in np.linspace(-0.52, -0.5, 9):
+        q = np.array([angle, np.pi - 0.05])
+        found.note(stacked_mask(mechanism, CAMERA, q), q, np.array([True, True]))
+    assert found.hidden().any() != known
 
 
 def test_links_whose_place_is_not_known_count_nothing():
