@@ -42,14 +42,15 @@ def test_nothing_is_hidden_where_all_shows():
 
 @pytest.mark.parametrize("known", [True, False])
 def test_a_link_behind_another_is_not_behind_an_occluder(known):
-    """The second link lies on the first, which swings about; each has its own colour."""
+    """The second link lies on the first, which swings about; each has its own colour, the second in shade."""
     mechanism = load("double")
     order = np.array([[0, BACK], [FRONT, 0]], np.int8) if known else no_order(2)
     view = View(np.ones((2, CAMERA.height, CAMERA.width), np.float32), np.arange(2), np.zeros(2, bool), order)
     found = Occluders(rig_of(mechanism, CAMERA), view)
     for angle in np.linspace(-0.52, -0.5, 9):
         q = np.array([angle, np.pi - 0.05])
-        found.note(stacked_mask(mechanism, CAMERA, q), q, np.array([True, True]))
+        planes = (stacked_mask(mechanism, CAMERA, q) * [[[1.0]], [[0.4]]]).astype(np.uint8)
+        found.note(planes, q, np.array([True, True]))
     assert found.hidden().any() != known
 
 
