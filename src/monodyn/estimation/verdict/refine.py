@@ -44,8 +44,8 @@ MOST_REJECTED = 0.1
 LONGEST_RUN = 3
 """Nor is a run of more far-off measured rows than this: there the motion does not follow."""
 NOISE_ROUNDS, COMMON_ROUNDS = 2, 4
-"""Least number of times that the noise is taken from residuals: the second fit is weighted by the first. With
-errors that all positions have in common once more, for at first they count as noise."""
+"""Number of times that the noise is taken from residuals: the second fit is weighted by the first. With
+errors that all positions have in common more often, for at first they count as noise, until it stays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,28 +125,29 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     common = None if route.share else unknown_errors(stated.data)
     if route.share:
         optimum = _as_seen(stated, optimum)
-    whole, least = stated, NOISE_ROUNDS if common is None else COMMON_ROUNDS
-    needed, error, rounds = 0, 0.0, 0
-    # again where the optimum needs more integration steps than the search chose; they double at least
-    while rounds < least or needed > optimum.trial.substeps:
-        noise = _noise(stated, optimum)
+    whole, steps, rounds = stated, None, 0
+    most = 1 if route.share else NOISE_ROUNDS if common is None else COMMON_ROUNDS
+    noise = _noise(stated, optimum)
+    while True:
         if common is not None:
             # the noise is that of positions to which the motion was fitted: it has yet to follow others
             common = common_error(_weighted(stated, noise), optimum.trial, common.mean)
             stated = whole.with_data(less(whole.data, common.mean))
-        # the motion hardly changes from round to round, and neither do the steps that it needs
-        steps = max(needed, optimum.trial.substeps) if rounds else None
         optimum = fit_pieces(
             _weighted(stated, noise), optimum.trial, route, route.fine, robust=False, substeps=steps
         )
         evaluations, rounds = evaluations + optimum.evaluations, rounds + 1
-        if rounds >= least or route.share:
+        before, noise = noise, _noise(stated, optimum)
+        # the motion hardly changes from round to round, and neither do the steps that it needs
+        steps = optimum.trial.substeps
+        if rounds >= most or (rounds >= NOISE_ROUNDS and noise.is_about(before)):
             needed, error = choose_substeps(stated, optimum.trial, settings.error_bound)
-        if route.share:
-            break
+            # again where the optimum needs more integration steps than the search chose; they double at least
+            if needed <= steps or route.share:
+                break
+            steps = needed
     if common is not None:
         stated = stated.with_data(left_open(stated.data, common.root))
-    noise = _noise(stated, optimum)
     weighted = _weighted(stated, noise)
     _, jacobian = weighted.rows(optimum.trial)
     known = knowledge_at(weighted, optimum.x, jacobian, optimum.trial.pieces)

@@ -21,6 +21,8 @@ SLOW = 1.5
 """Root of what autocorrelation costs, above which residuals count as changing slowly."""
 BLIND = 1e-6
 """Singular values below this share of the largest count as zero; derivatives are exact to about 1e-8."""
+SAME = 1e-3
+"""Share by which two sizes of the noise differ that are about the same."""
 HALVINGS = 40
 """Steps of the bisection for a factor of the noise."""
 LOADED = 1e-3
@@ -269,6 +271,14 @@ class NoiseFactors(NamedTuple):
     def slow(self) -> np.ndarray:
         """True where residuals change slowly, as what a model lacks does and noise does not, (dof,)."""
         return self.correlation > SLOW
+
+    def is_about(self, other: NoiseFactors) -> bool:
+        """Return whether the sizes are those of other factors but for what no interval shows.
+
+        Args:
+            other: The others, of the same joints.
+        """
+        return bool(np.all(np.abs(self.size - other.size) < SAME * other.size))
 
     def weighted(self, data: Data) -> Data:
         """Return data with the noise as found, for honest intervals.
