@@ -10,7 +10,7 @@ from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.shoot import Optimum, typical
-from monodyn.estimation.verdict.refine import refine
+from monodyn.estimation.verdict.refine import _as_seen, refine
 from monodyn.mechanism import load
 from monodyn.mechanism.tree import Measured
 from monodyn.stages import identify
@@ -66,23 +66,55 @@ def test_isolated_gross_errors_up_to_a_tenth_are_left_out():
     assert np.flatnonzero(np.isnan(fit.residual[0][:, 0])).tolist() == rows
 
 
-@pytest.mark.parametrize("factor", [0.5, 3.0])
-def test_sizes_keep_the_proportions_of_the_picture_where_the_motion_is_not_followed(double, factor):
-    """Many turns with one of the angles mirrored: no mechanism moves so, and a search ends anywhere."""
-    times, sizes = np.arange(200) / 30.0, ("link1.length", "link2.length", "link1.width", "link2.width")
-    poses = record(double, times, motion(double, times, [2.6, 1.0], [0.0, 0.0]) * [1.0, -1.0])
-    # the proportions to half a percent, and nothing of the common scale
-    seen = double.with_measured(Measured(sizes, (np.eye(4) - 0.25) / 0.005**2))
+SIZES = ("link1.length", "link2.length", "link1.width", "link2.width")
+
+
+def ended(mechanism, poses, factors):
+    """Return a problem, and a search through it that has ended where some sizes are larger by factors; the
+    picture knows proportions of the sizes to half a percent, and nothing of their common scale."""
+    seen = mechanism.with_measured(Measured(SIZES, (np.eye(4) - 0.25) / 0.005**2))
     problem = posed(seen, prepare([poses], seen))
     x = problem.unknowns.x0.copy()
-    x[problem.unknowns.names.index("link2.length")] += np.log(factor)
+    for name, factor in factors.items():
+        x[problem.unknowns.names.index(name)] += np.log(factor)
     trial = problem.started(x, cut(problem.data, 10**9), (smooth(poses),))
     rows = problem.residuals(trial)
-    ended = Optimum(
-        trial, rows, 0.0, typical(rows, problem.data.measured), 1, True, np.zeros(len(x), dtype=bool)
-    )
-    found = refine(problem, ended, IdentifySettings())
+    sigma = typical(rows, problem.data.measured)
+    return problem, Optimum(trial, rows, 0.0, sigma, 1, True, np.zeros(len(x), dtype=bool))
+
+
+@pytest.fixture(scope="module")
+def mirrored():
+    """Many turns with one of the angles mirrored: no mechanism moves so, and a search ends anywhere."""
+    double, times = load("double"), np.arange(200) / 30.0
+    return record(double, times, motion(double, times, [2.6, 1.0], [0.0, 0.0]) * [1.0, -1.0])
+
+
+@pytest.mark.parametrize("factor", [0.5, 3.0])
+def test_sizes_keep_the_proportions_of_the_picture_where_the_motion_is_not_followed(double, mirrored, factor):
+    problem, optimum = ended(double, mirrored, {"link2.length": factor})
+    found = refine(problem, optimum, IdentifySettings())
     values = found.problem.mechanism_at(found.optimum.x).values
     assert values["link2.length"] / values["link1.length"] == pytest.approx(
         double.values["link2.length"] / double.values["link1.length"], rel=0.01
     )
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_proportions_are_taken_at_the_scale_of_the_sizes(double, mirrored, given):
+    """All sizes twice as large, one of them much more; given sizes are those of the start."""
+    mechanism = double.with_choices(fix={"link1.length": double.values["link1.length"]}) if given else double
+    larger = dict.fromkeys(SIZES[1:] if given else SIZES, 2.0) | {"link2.length": 6.0}
+    problem, optimum = ended(mechanism, mirrored, larger)
+    seen = problem.mechanism_at(_as_seen(problem, optimum).x).values
+    # the common scale is the mean of the logarithms, all equally well known
+    scale = 1.0 if given else 2.0 * 3.0**0.25
+    assert [seen[name] for name in SIZES] == pytest.approx([scale * double.values[name] for name in SIZES])
+
+
+def test_a_motion_that_is_followed_says_what_the_proportions_are(poses, double, truth):
+    """The picture has them wrong by 15 %, and the motion is followed."""
+    seen = double.with_measured(Measured(SIZES, (np.eye(4) - 0.25) / 0.1**2))
+    fit = identify(poses, seen)
+    assert fit.ok
+    assert sigmas(fit.parameter("link2.length"), truth.values["link2.length"]) < 4.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monodyn.estimation.record.samples import prepare
-from monodyn.estimation.verdict.uncertainty import noise_factors
+from monodyn.estimation.verdict.uncertainty import NoiseFactors, noise_factors
 from monodyn.stages import identify
 from swings import motion, record, scaled, sigmas
 
@@ -65,3 +65,17 @@ def test_shifts_keep_to_their_record_and_joints(truth, double):
     assert not data.shifts[:2, 60:].any()
     assert prepare([plain], double).shifts is None
     np.testing.assert_array_equal(swapped[3:9].shifts, swapped.shifts[:, 3:9])
+
+
+def test_noise_stays_where_all_of_it_does():
+    one = NoiseFactors(np.array([2.0, 0.5]), np.array([1.0, 1.4]), 1e-4)
+    assert one.is_about(one)
+    assert one.is_about(one._replace(size=one.size * 1.0005))
+    for other in (
+        one._replace(size=one.size * [1.0, 1.002]),
+        one._replace(correlation=one.correlation * [1.0, 0.998]),
+        one._replace(stamps=1.1e-4),
+        one._replace(stamps=0.0),
+    ):
+        assert not one.is_about(other)
+        assert not other.is_about(one)

@@ -7,15 +7,16 @@ import pytest
 
 from monodyn.mechanism import load
 from monodyn.vision.drawing.blurred import covered_part, times_of
-from monodyn.vision.drawing.edges import edge_terms, no_shifts
+from monodyn.vision.drawing.edges import BEHIND, NEAR, SAMPLES, TRUST, edge_terms, no_shifts
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.probe import Normal
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.drawing.shutter import Shutter
+from monodyn.vision.foreground.masks import BACK, FRONT, View, no_order
 from monodyn.vision.locating.bundle import KeyMasks, refine
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.variables import scene_variables
-from pictures import CAMERA, exposed_mask, trusted
+from pictures import CAMERA, exposed_mask, stacked_mask, trusted
 
 SEARCH = EdgeSearch(np.array([8.0, 6.0, 5.0, 4.0, 4.0, 4.0]), 3.0)
 
@@ -54,6 +55,25 @@ def test_sizes_come_from_blurred_pictures() -> None:
     found = refine(masks, guess, variables, SEARCH, settle=20).mechanism
     for name, size in sizes.items():
         assert found.values[name] == pytest.approx(size, rel=0.02)
+
+
+def test_a_link_before_another_shows_its_edges_in_a_blurred_picture() -> None:
+    """The second link lies on the first, each in a plane of its own; both turn about the first hinge."""
+    mechanism, q, sweep = load("double"), np.array([0.4, np.pi - 0.05]), np.array([0.08, 0.0])
+    times = (np.arange(15) + 0.5) / 15 - 0.5
+    planes = np.mean([stacked_mask(mechanism, CAMERA, q + t * sweep) for t in times], axis=0)
+    rates = sweep / 0.05
+    shutter = Shutter(0.05, 0.0, 0.0, q[None], rates[None], 0.0 * rates[None])
+    rig = shutter.of(rig_of(mechanism, CAMERA), 0)
+    trust, even, links = np.ones(planes.shape, np.float32), np.zeros(2, np.bool_), []
+    for order in (np.array([[0, BACK], [FRONT, 0]], np.int8), no_order(2)):
+        view = View(trust, np.arange(2), even, order)
+        found = edge_terms(planes.round().astype(np.uint8), view, rig, no_shifts(rig), q, 4.0, 2.0).agreement
+        links.append(found.links)
+    assert links[0][1, BEHIND] == 0
+    assert links[0][1, NEAR] == pytest.approx(links[0][1, TRUST])
+    assert links[1][1, BEHIND] > links[1][1, SAMPLES]
+    assert links[0][0, BEHIND] > links[1][0, BEHIND]
 
 
 def test_light_makes_no_difference_between_slow_and_fast() -> None:

@@ -44,8 +44,11 @@ MOST_REJECTED = 0.1
 LONGEST_RUN = 3
 """Nor is a run of more far-off measured rows than this: there the motion does not follow."""
 NOISE_ROUNDS, COMMON_ROUNDS = 2, 4
-"""Number of times that the noise is taken from residuals: the second fit is weighted by the first. With
-errors that all positions have in common more often, for at first they count as noise, until it stays."""
+"""How often the noise is taken from residuals, the second fit being weighted by the first; and how often at
+most where positions have errors in common, which at first count as noise. It ends earlier once the noise
+stays; where the motion is not followed once is enough."""
+GIVEN = 1e-9
+"""Share of sizes in the common scale from which on some of them are given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +200,9 @@ def _as_seen(problem: Problem, optimum: Optimum) -> Optimum:
     where = unknowns.index(measured.names if measured is not None else ())
     at = where[where >= 0]
     x, x0 = optimum.x.copy(), unknowns.x0
-    scale = float(problem.prior.weights @ (x - x0))
+    weights = problem.prior.weights
+    # sizes that are given have the scale of the start
+    scale = float(weights @ (x - x0)) if weights.sum() > 1.0 - GIVEN else 0.0
     x[at] = np.clip(x0 + np.where(unknowns.log, scale, 0.0), unknowns.lower, unknowns.upper)[at]
     return replace(optimum, trial=_in_units_of(problem, optimum, x))
 

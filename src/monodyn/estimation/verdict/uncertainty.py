@@ -273,12 +273,13 @@ class NoiseFactors(NamedTuple):
         return self.correlation > SLOW
 
     def is_about(self, other: NoiseFactors) -> bool:
-        """Return whether the sizes are those of other factors but for what no interval shows.
+        """Return whether all of it is that of other factors but for what no interval shows.
 
         Args:
             other: The others, of the same joints.
         """
-        return bool(np.all(np.abs(self.size - other.size) < SAME * other.size))
+        mine, others = (np.array([*n.size, *n.correlation, n.stamps]) for n in (self, other))
+        return bool(np.all(np.abs(mine - others) <= SAME * others))
 
     def weighted(self, data: Data) -> Data:
         """Return data with the noise as found, for honest intervals.

@@ -47,6 +47,7 @@ from monodyn.vision.drawing.probe import (
     depth_inside,
     is_covered,
     least_trust,
+    lies_on,
     outline_lines,
 )
 from monodyn.vision.drawing.shutter import BEGIN_X, BEGIN_Y, DURING_X, DURING_Y, END_X, END_Y, WHEN
@@ -89,8 +90,8 @@ def edge_samples(
 ) -> int:
     """Find the edges of a mask along the visible outline.
 
-    Samples are left out at sharp corners, where another body's outline covers the outer side, where the
-    background cannot be distinguished from the mechanism, and outside of the picture.
+    Samples are left out at sharp corners, where another geom covers the outer side, or one in front the inner
+    side, where the background cannot be distinguished from the mechanism, and outside of the picture.
 
     Args:
         planes: Mask by colour, uint8 (colour, height, width).
@@ -254,13 +255,17 @@ def _find_edge(
     for t in (-inner, reach):
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
             return OUTSIDE
-    # where another geom covers the outer side the mask has no edge: it goes on in the other geom
+    # where another geom covers the outer side the mask has no edge: it goes on in the other geom, or ends
+    # in the one in front
     if is_covered(lines, first, order, own, at, inner, reach):
         return HIDDEN
     weight = least_trust(known, at, inner, reach)
     border = weight < TRUSTED
     if border:
         coverage, weight = borders, least_trust(borders_known, at, inner, reach)
+        # there the geom behind shows as well
+        if lies_on(lines, first, order, own, at, reach):
+            return HIDDEN
     if weight < TRUSTED:
         return FAINT
     steps = max(2, math.ceil((inner + reach) / STEP_PX))

@@ -113,28 +113,46 @@ def outline_lines(px: np.ndarray, hull: np.ndarray, first: np.ndarray) -> np.nda
 def is_covered(
     lines: np.ndarray, first: np.ndarray, order: np.ndarray, own: int, at: Normal, inner: float, reach: float
 ) -> bool:
-    """Return whether another geom than ``own`` covers a place or what lies outwards of it.
+    """Return whether another geom than ``own`` covers what is searched of a normal, or leaves no edge there.
 
-    Four places along the normal find every geom that is wider than a third of the search length. What ``own``
-    lies in front of, in the order of the geoms (geom, geom), covers nothing; what lies in front of it may
-    not cover what is searched inwards either.
+    That is any geom at the place or outwards of it, unless ``own`` lies in front of it by their order (geom,
+    geom); and inwards of it any that lies in front of ``own``.
     """
-    covered = False
     for g in range(first.shape[0] - 1):
         if g == own or order[own, g] == FRONT:
             continue
-        deep = inner if order[own, g] == BACK else 0.0
-        x, y, length = at.x - deep * at.nx, at.y - deep * at.ny, deep + reach
-        if _is_apart(lines, first[g], first[g + 1], Normal(x, y, at.nx, at.ny), length):
-            continue
-        for k in range(4):
-            t = k * length / 3.0
-            if outside(lines, first[g], first[g + 1], x + t * at.nx, y + t * at.ny) < COVERED_PX:
-                covered = True
-                break
-        if covered:
-            break
-    return covered
+        if _reaches(lines, first[g], first[g + 1], at, reach):
+            return True
+        if order[own, g] == BACK and _reaches(lines, first[g], first[g + 1], at, -inner):
+            return True
+    return False
+
+
+@njit(cache=True, **INLINED)
+def lies_on(
+    lines: np.ndarray, first: np.ndarray, order: np.ndarray, own: int, at: Normal, reach: float
+) -> bool:
+    """Return whether a place, or what lies outwards of it, is covered by a geom that ``own`` lies in front of
+    by their order (geom, geom)."""
+    for g in range(first.shape[0] - 1):
+        if order[own, g] == FRONT and _reaches(lines, first[g], first[g + 1], at, reach):
+            return True
+    return False
+
+
+@njit(cache=True, **INLINED)
+def _reaches(lines: np.ndarray, a: int, b: int, at: Normal, reach: float) -> bool:
+    """Return whether the outline ``lines[a:b]`` covers a place or what lies so far outwards of it.
+
+    Four places along the normal find every geom that is wider than a third of the search length.
+    """
+    if _is_apart(lines, a, b, at, reach):
+        return False
+    for k in range(4):
+        t = k * reach / 3.0
+        if outside(lines, a, b, at.x + t * at.nx, at.y + t * at.ny) < COVERED_PX:
+            return True
+    return False
 
 
 @njit(cache=True, **UNCOUNTED)

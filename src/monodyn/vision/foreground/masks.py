@@ -52,7 +52,8 @@ class View(NamedTuple):
             float32 (plane, height, width).
         part: Plane of each geom, int64 (geom,); ``LEFT_OUT`` for one at which no edge is looked for.
         shaded: True for geoms whose edges are taken against their own level, bool (geom,).
-        order: Which geoms lie in front of which, see `GeomColours`, int8 (geom, geom).
+        order: Which geoms lie in front of which, int8 (geom, geom): ``FRONT`` where the row's geom does and
+            its edges show before the column's, ``BACK`` where that one covers it, else 0.
         border: Plane of any difference, in which edges are looked for where a geom's own plane is not
             trusted; -1 for none.
     """
@@ -87,8 +88,7 @@ class GeomColours:
         light: Standard deviation of the light on each colour, as a share of it, (colour,); None where
             it is even.
         order: Which geoms lie in front of which, int8 (geom, geom): ``FRONT`` where the row's geom does,
-            and its edges show before the column's, ``BACK`` where that one covers it, 0 where neither is
-            known; None where nothing is.
+            ``BACK`` where the column's does, 0 where neither is known; None where nothing is.
     """
 
     colours: np.ndarray

@@ -16,6 +16,7 @@ from monodyn.types import FULL
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background
 from monodyn.vision.foreground.changes import MOST_CONTRAST, full_size
 from monodyn.vision.foreground.masks import (
+    FRONT,
     LEFT_OUT,
     NOT_SHOWN,
     VARIED,
@@ -38,6 +39,10 @@ TRUSTED_NOISE = 60.0
 shading does."""
 VARIED_TRUST = 0.1
 """Trust of a pixel that differs from the background but has none of the mechanism's colours."""
+APART = 0.1
+"""Coverage by a geom's colour that another geom shows, up to which edges of the first show before it."""
+THINNED = 8
+"""Every so many pixels along a side tell it."""
 AT_ONCE = 50_000
 """Pixels whose contrast is computed at a time."""
 
@@ -58,7 +63,7 @@ class Palette:
             plane of the mask counts any difference from the background as foreground too.
         part: Plane of the mask for each geom once its colour has been measured, int64 (geom,), or None.
         shaded: True for geoms that show their colour at many levels, bool (geom,), or None before.
-        order: Which geoms lie in front of which, see `GeomColours`, int8 (geom, geom), or None.
+        order: Which geoms lie in front of which, see `View`, int8 (geom, geom), or None.
         contrast: Least difference of a pixel that has changed [grey levels].
         shadow: The mechanism's shadow, which does not count; None without one.
         dimmed: How much of each colour is taken out of its difference from the background, because more or
@@ -142,10 +147,37 @@ def measured_palette(palette: Palette, background: Background, measured: GeomCol
         varied=varied,
         part=part,
         shaded=measured.shaded,
-        order=measured.order,
+        order=None if measured.order is None else _shown_order(measured, part, found, background),
         contrast=palette.contrast,
         shadow=palette.shadow,
     )
+
+
+def _shown_order(
+    measured: GeomColours, part: np.ndarray, palette: Palette, background: Background
+) -> np.ndarray:
+    """Return which geoms lie in front of which, int8 (geom, geom), and show their edges there.
+
+    Where another colour lies behind an edge in place of the background, its coverage by the edge's own colour
+    has to be none, neither more nor less, or the edge would seem to lie elsewhere.
+    """
+    order = np.array(measured.order)
+    thin = (slice(None, None, THINNED), slice(None, None, THINNED))
+    behind = [background.luma[thin]]
+    if not palette.grey_only and background.chroma is not None:
+        behind += [_resized(plane, behind[0].shape[::-1]) for plane in background.chroma]
+    for front, back in np.argwhere(order == FRONT):
+        own, other = palette.colours[part[front]], palette.colours[part[back]]
+        gain = palette.scale[part[front]][thin] / FULL
+        dimmed = 0.0 if palette.dimmed is None else palette.dimmed[0][part[front]][thin]
+        level = np.zeros_like(gain)
+        for k, plane in enumerate(behind):
+            full = own[k] - plane - dimmed * (own[k] - BLACK[k])
+            level += _WEIGHTS[k] * (other[k] - plane) * full * gain
+        seen = gain > 0.0
+        if not seen.any() or np.mean(np.abs(level[seen])) > APART:
+            order[front, back] = 0
+    return order
 
 
 def _palette(

@@ -1,4 +1,5 @@
-"""From a located mechanism to the colours of its geoms, measured inside of their outlines."""
+"""From a located mechanism to the colours of its geoms, measured inside of their outlines, and their order:
+where two overlap the one in front shows."""
 
 from __future__ import annotations
 
@@ -53,8 +54,6 @@ ALONE_PX = 1.5
 LIKE_ONE, ALIKE_SHARE = 0.25, 0.8
 """How far from one colour towards another a pixel still has the first, as a share of the way, and share of
 the pixels that both geoms cover which have that of the one in front."""
-APART = 0.1
-"""Coverage by a geom's colour that another geom shows, below which edges of the first show before it."""
 HALF_WIDTH = 6
 """Column of a table of pixels, after ``SHOWN`` and ``BEHIND``: the geom's half width in the picture
 [px]."""
@@ -85,8 +84,8 @@ def geom_colours(
             colours has their median too, where that stands out.
 
     Returns:
-        The colours, near ones joined, or None where no geom shows one colour over enough pixels. A geom
-        too thin to show its own has the nearest of the others.
+        The colours, near ones joined, and which geoms lie in front of which; or None where no geom shows one
+        colour over enough pixels. A geom too thin to show its own has the nearest of the others.
     """
     good = np.flatnonzero(fits)
     good = good[:: max(1, len(good) // MOST_FRAMES)]
@@ -110,6 +109,7 @@ def geom_colours(
     part, colours, light = _joined(pixels, shown, background.noise, blurred=len(meanwhile) > 0)
     if not colours:
         return None
+    order = _order(shared, part, colours)
     part[part == UNSEEN] = 0
     # how much differs from the background where colours vary is not how much of a pixel is covered
     shaded = np.array([part[g] >= 0 and _is_shaded(pixels[g], colours[part[g]]) for g in range(geoms)])
@@ -118,16 +118,14 @@ def geom_colours(
         part[g] >= 0 and _hidden_share(pixels[g], colours[part[g]], background.noise) > CAMOUFLAGED_SHARE
         for g in range(geoms)
     )
-    order = _order(pixels, shared, part, colours)
     return GeomColours(np.array(colours), part, shaded, hidden, np.array(light), order)
 
 
 def _order(
-    pixels: list[np.ndarray], shared: dict[tuple[int, int], np.ndarray], part: np.ndarray,
-    colours: list[np.ndarray],
-) -> np.ndarray:  # fmt: skip
-    """Return which geoms lie in front of which, int8 (geom, geom), from the pixels of each, those that two of
-    them cover, and the colour of each, (geom,): what both cover shows the colour of the one in front."""
+    shared: dict[tuple[int, int], np.ndarray], part: np.ndarray, colours: list[np.ndarray]
+) -> np.ndarray:
+    """Return which geoms lie in front of which, int8 (geom, geom), from the pixels that two of them cover and
+    the colour of each, (geom,): what both cover shows the colour of the one in front."""
     order = no_order(len(part))
     for (g, h), both in shared.items():
         if min(part[g], part[h]) < 0 or part[g] == part[h] or len(both) < LEAST_GEOM_PIXELS:
@@ -137,18 +135,8 @@ def _order(
         share = np.nan_to_num(both[:, SHOWN] - one) @ way / max(float(way @ way), 1.0)
         for front, back, like in ((g, h, share < LIKE_ONE), (h, g, share > 1.0 - LIKE_ONE)):
             if np.mean(like) >= ALIKE_SHARE:
-                order[back, front] = BACK
-                if np.mean(_level_of(pixels[back], colours[part[front]])) < APART:
-                    order[front, back] = FRONT
+                order[front, back], order[back, front] = FRONT, BACK
     return order
-
-
-def _level_of(pixels: np.ndarray, colour: np.ndarray) -> np.ndarray:
-    """Return each pixel's coverage by a colour, (pixel,), by projection as for the masks; only the channels
-    that exist count."""
-    full = colour - pixels[:, BEHIND]
-    size = np.maximum(np.nansum(full**2, axis=1), 1.0)
-    return np.clip(np.nansum((pixels[:, SHOWN] - pixels[:, BEHIND]) * full, axis=1) / size, 0.0, 1.0)
 
 
 def _hidden_share(pixels: np.ndarray, colour: np.ndarray, noise: float) -> float:
@@ -311,6 +299,9 @@ def _inner_pixels(
         touched += ever
     found = []
     for mask, geoms in [(mask, 1) for mask in masks] + [(masks[g] & masks[h], 2) for g, h in pairs]:
+        if not mask.any():
+            found.append(np.zeros((0, PIXEL_COLUMNS)))
+            continue
         depth = cv2.distanceTransform(mask, cv2.DIST_L2, 3)
         deepest = float(depth.max())
         shows = (

@@ -1,0 +1,70 @@
+"""One link before another, from the colours of a picture to the edges of its mask."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from monodyn.mechanism import load
+from monodyn.types import FULL, Frame
+from monodyn.vision.drawing.edges import BEHIND, NEAR, SAMPLES, SQUARES, TRUST, edge_terms, no_shifts
+from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.foreground.background import Background, Window
+from monodyn.vision.foreground.coverage import coverage_of
+from monodyn.vision.foreground.masks import BACK, FRONT, GeomColours
+from monodyn.vision.foreground.palette import Palette, measured_palette
+from pictures import CAMERA, stacked_mask
+
+SIZE = (CAMERA.height, CAMERA.width)
+FOLDED = np.array([0.4, np.pi - 0.05])
+
+
+def seen(wall: tuple[int, ...], colours: list[tuple[int, ...]], *, grey_only: bool) -> tuple[int, np.ndarray]:
+    """Return whether the second link's edges show before the first's, and what its edges are found to do in a
+    picture of both in their colours, in the columns of ``edges``."""
+    mechanism, rig = load("double"), rig_of(load("double"), CAMERA)
+    planes = stacked_mask(mechanism, CAMERA, FOLDED) / FULL
+    shown = [wall[k] + sum(planes[g] * (colours[g][k] - wall[k]) for g in range(2)) for k in range(3)]
+    luma = np.round(shown[0]).astype(np.uint8)
+    blue, red = (
+        np.round(cv2.resize(plane, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)) for plane in shown[1:]
+    )
+    frame = Frame(0, 0.0, luma, (blue.astype(np.uint8), red.astype(np.uint8)))
+    still = np.full(SIZE, wall[0], np.float32)
+    tint = np.full(blue.shape, wall[1], np.float32), np.full(blue.shape, wall[2], np.float32)
+    background = Background(still, tint, 1.0, np.ones(SIZE, bool), Window(0, SIZE[0], 0, SIZE[1]))
+    nothing = np.zeros((1, 1, 1), np.float32)
+    order = np.array([[0, BACK], [FRONT, 0]], np.int8)
+    measured = GeomColours(np.array(colours, float), np.arange(2), np.zeros(2, np.bool_), order=order)
+    palette = measured_palette(Palette(np.zeros((1, 3)), nothing, grey_only, nothing), background, measured)
+    view = palette.view(2)
+    assert view.order[0, 1] == BACK
+    mask = coverage_of(frame, background, palette)
+    found = edge_terms(mask, view, rig, no_shifts(rig), FOLDED, 4.0, 2.0).agreement.links
+    return int(view.order[1, 0]), found
+
+
+@pytest.mark.parametrize(
+    ("wall", "colours", "grey_only", "shows"),
+    [
+        # the second link differs from the wall in another way than the first
+        ((160, 128, 128), [(60, 128, 128), (160, 128, 220)], False, True),
+        ((90, 128, 128), [(180, 128, 128), (90, 60, 128)], False, True),
+        # beside the first it looks like more or less than the second beside the wall
+        ((160, 128, 128), [(60, 128, 128), (230, 128, 128)], False, False),
+        ((160, 128, 128), [(60, 128, 128), (230, 128, 128)], True, False),
+        ((160, 128, 128), [(60, 128, 128), (110, 128, 128)], True, False),
+        ((40, 128, 128), [(150, 54, 34), (82, 90, 240)], False, False),
+    ],
+)
+def test_edges_before_another_link_count_where_they_lie_right(
+    wall: tuple[int, ...], colours: list[tuple[int, ...]], grey_only: bool, shows: bool
+) -> None:
+    order, links = seen(wall, colours, grey_only=grey_only)
+    assert (order == FRONT) == shows
+    for link in links:
+        assert link[NEAR] == pytest.approx(link[TRUST])
+        assert np.sqrt(link[SQUARES] / max(link[NEAR], 1.0)) < 0.25
+    assert (links[1, BEHIND] == 0) == shows
+    assert links[0, BEHIND] > links[0, SAMPLES]
