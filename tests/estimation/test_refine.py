@@ -118,3 +118,16 @@ def test_a_motion_that_is_followed_says_what_the_proportions_are(poses, double, 
     fit = identify(poses, seen)
     assert fit.ok
     assert sigmas(fit.parameter("link2.length"), truth.values["link2.length"]) < 4.0
+
+
+def test_what_needs_more_integration_steps_is_fitted_with_them(poses, truth, monkeypatch):
+    """As if the first optimum needed twice the steps of the search."""
+    asked = []
+
+    def needed(problem, trial, bound):
+        asked.append(trial.substeps)
+        return ((1 if len(asked) > 1 else 2) * trial.substeps, 1e-5)
+
+    monkeypatch.setattr("monodyn.estimation.verdict.refine.choose_substeps", needed)
+    assert identify(poses, truth, IdentifySettings(starts=1)).ok
+    assert asked[1] == 2 * asked[0]

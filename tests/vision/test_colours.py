@@ -84,6 +84,23 @@ def test_a_geom_that_shows_nothing_alone_has_no_place_in_the_order(tmp_path: Pat
     assert not found.order.any()
 
 
+def test_where_thin_geoms_cross_all_is_mixed_and_no_order_known() -> None:
+    thin = replace(GUESS, mechanism=MECHANISM.with_values({"link1.width": 0.004, "link2.width": 0.004}))
+    frames = []
+    for i, q in enumerate(POSES):
+        luma = np.full(SIZE, 160, np.uint8)
+        for (_, polygon), level in zip(outline(thin.mechanism, CAMERA, q), (60, 230), strict=True):
+            cv2.fillPoly(luma, [np.round(polygon).astype(np.int32)], level)
+        frames.append(Frame(i, i / 30, luma))
+    # at the same place in forty frames: enough pixels for a vote
+    many = replace(thin, positions=np.repeat(POSES, 14, axis=0), mismatch=np.zeros(42))
+    found = geom_colours([frames[i // 14] for i in range(42)], BACKGROUND, many, np.ones(42, bool))
+    assert found is not None
+    assert sorted(found.part.tolist()) == [0, 1]
+    assert found.order is not None
+    assert not found.order.any()
+
+
 def test_where_either_shows_no_geom_is_known_to_lie_in_front() -> None:
     """Painted one over the other in turn, as pages are that are turned."""
     frames = painted(60, 230)
