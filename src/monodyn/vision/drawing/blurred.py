@@ -46,7 +46,9 @@ from monodyn.vision.drawing.probe import (
     depth_inside,
     is_covered,
     least_trust,
+    meets,
 )
+from monodyn.vision.foreground.masks import BACK
 
 LEAST_SWEEP_PX = 1.0
 """Motion during the exposure from which an outline is compared with a blurred picture [px]."""
@@ -116,7 +118,8 @@ def find_blurred_edge(
             return OUTSIDE
     for there in (at, Normal(x - path[0], y - path[1], nx, ny), Normal(x - path[2], y - path[3], nx, ny)):
         # the other geoms move much the same: seen from them it is this place that moves
-        if is_covered(lines, first, order, own, there, inner, reach):
+        covered = is_covered(lines, first, order, own, there, reach)
+        if covered or meets(lines, first, order, own, there, -inner, BACK):
             return HIDDEN
     weight = least_trust(known, at, inner, outer)
     if weight < TRUSTED:

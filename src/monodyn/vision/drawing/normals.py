@@ -47,13 +47,13 @@ from monodyn.vision.drawing.probe import (
     depth_inside,
     is_covered,
     least_trust,
-    lies_on,
+    meets,
     outline_lines,
 )
 from monodyn.vision.drawing.shutter import BEGIN_X, BEGIN_Y, DURING_X, DURING_Y, END_X, END_Y, WHEN
 from monodyn.vision.drawing.silhouette import Outlines
 from monodyn.vision.foreground.coverage import CHANGED_LEVEL
-from monodyn.vision.foreground.masks import View
+from monodyn.vision.foreground.masks import BACK, FRONT, View
 
 CORNER_PX = 2.5
 """Outline within this distance of a sharp corner is left out: blur rounds corners."""
@@ -66,6 +66,9 @@ OVERFULL = 1.3
 is taken against the border's own level."""
 OWN_LEVEL = 0.4
 """Share of the search inwards, from its inner end, in which the coverage is that of the geom itself."""
+ITS_OWN = 0.8
+"""Coverage at the inner end of a search from which a geom shows there itself: what lies in front of it may
+have a part of its colour."""
 ONE, WEIGHTS = 1 << 20, 1 << 12
 """Units of a pixel in which places along a normal are counted, and steps of the weights of its neighbours."""
 VALUE = WEIGHTS * WEIGHTS
@@ -255,16 +258,15 @@ def _find_edge(
     for t in (-inner, reach):
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
             return OUTSIDE
-    # where another geom covers the outer side the mask has no edge: it goes on in the other geom, or ends
-    # in the one in front
-    if is_covered(lines, first, order, own, at, inner, reach):
+    # where another geom covers the outer side the mask has no edge: it goes on in the other geom
+    if is_covered(lines, first, order, own, at, reach):
         return HIDDEN
     weight = least_trust(known, at, inner, reach)
     border = weight < TRUSTED
     if border:
         coverage, weight = borders, least_trust(borders_known, at, inner, reach)
         # there the geom behind shows as well
-        if lies_on(lines, first, order, own, at, reach):
+        if meets(lines, first, order, own, at, reach, FRONT):
             return HIDDEN
     if weight < TRUSTED:
         return FAINT
@@ -292,6 +294,9 @@ def _find_edge(
             outer = total
     # as a fraction of the plane's own levels
     level, within = (total - outer) / VALUE, c / VALUE
+    # where one in front covers the inner side the geom ends in it, unless the other one is not there
+    if within < ITS_OWN * FULL and meets(lines, first, order, own, at, -inner, BACK):
+        return HIDDEN
     area = (total - 0.5 * (begin + shown)) / VALUE
     # Trapezoids: the area under c over its level is how far the covered part of the normal goes. Light and
     # shade lower the level of a geom, and against full coverage its edge would seem to lie too far inside.

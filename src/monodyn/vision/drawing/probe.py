@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from monodyn.uncounted import INLINED, UNCOUNTED
-from monodyn.vision.foreground.masks import BACK, FRONT
+from monodyn.vision.foreground.masks import FRONT
 
 STEP_PX = 0.5
 """Distance of the picture samples along a normal [px]."""
@@ -111,31 +111,26 @@ def outline_lines(px: np.ndarray, hull: np.ndarray, first: np.ndarray) -> np.nda
 
 @njit(cache=True, **INLINED)
 def is_covered(
-    lines: np.ndarray, first: np.ndarray, order: np.ndarray, own: int, at: Normal, inner: float, reach: float
+    lines: np.ndarray, first: np.ndarray, order: np.ndarray, own: int, at: Normal, reach: float
 ) -> bool:
-    """Return whether another geom than ``own`` covers what is searched of a normal, or leaves no edge there.
+    """Return whether another geom than ``own`` covers a place or what lies outwards of it.
 
-    That is any geom at the place or outwards of it, unless ``own`` lies in front of it by their order (geom,
-    geom); and inwards of it any that lies in front of ``own``.
+    What ``own`` lies in front of, by the order of the geoms (geom, geom), does not.
     """
     for g in range(first.shape[0] - 1):
-        if g == own or order[own, g] == FRONT:
-            continue
-        if _reaches(lines, first[g], first[g + 1], at, reach):
-            return True
-        if order[own, g] == BACK and _reaches(lines, first[g], first[g + 1], at, -inner):
+        if g != own and order[own, g] != FRONT and _reaches(lines, first[g], first[g + 1], at, reach):
             return True
     return False
 
 
 @njit(cache=True, **INLINED)
-def lies_on(
-    lines: np.ndarray, first: np.ndarray, order: np.ndarray, own: int, at: Normal, reach: float
+def meets(
+    lines: np.ndarray, first: np.ndarray, order: np.ndarray, own: int, at: Normal, reach: float, side: int
 ) -> bool:
-    """Return whether a place, or what lies outwards of it, is covered by a geom that ``own`` lies in front of
-    by their order (geom, geom)."""
+    """Return whether a geom that ``own`` lies in ``FRONT`` of, or at the ``BACK`` of, by the order of the
+    geoms (geom, geom), covers a place or what lies outwards of it, inwards for a negative reach."""
     for g in range(first.shape[0] - 1):
-        if order[own, g] == FRONT and _reaches(lines, first[g], first[g + 1], at, reach):
+        if order[own, g] == side and _reaches(lines, first[g], first[g + 1], at, reach):
             return True
     return False
 
