@@ -12,7 +12,7 @@ from monodyn.types import FULL, Camera, Frame
 from monodyn.vision.drawing.camera import pixels
 from monodyn.vision.drawing.outline import outline
 from monodyn.vision.foreground.background import Background, Samples, Window
-from monodyn.vision.foreground.masks import View, plain_view
+from monodyn.vision.foreground.masks import BACK, FRONT, View, no_order, plain_view
 from monodyn.vision.foreground.moving_colours import moving_colours
 from monodyn.vision.foreground.palette import Palette, palette_of
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
@@ -102,6 +102,13 @@ def _averaged(
 def trusted(mechanism: Mechanism, camera: Camera = CAMERA) -> View:
     """Read one plane for all geoms, trusted everywhere."""
     return plain_view(np.ones((camera.height, camera.width), np.float32), len(mechanism.shapes.radius))
+
+
+def stacked_view(*, known: bool = True) -> View:
+    """Read a plane for each of two links, trusted everywhere; the second is known to lie in front, or not."""
+    order = np.array([[0, BACK], [FRONT, 0]], np.int8) if known else no_order(2)
+    trust = np.ones((2, CAMERA.height, CAMERA.width), np.float32)
+    return View(trust, np.arange(2), np.zeros(2, np.bool_), order)
 
 
 def wandering(

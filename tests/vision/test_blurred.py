@@ -12,11 +12,10 @@ from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.probe import Normal
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.drawing.shutter import Shutter
-from monodyn.vision.foreground.masks import BACK, FRONT, View, no_order
 from monodyn.vision.locating.bundle import KeyMasks, refine
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.variables import scene_variables
-from pictures import CAMERA, exposed_mask, stacked_mask, trusted
+from pictures import CAMERA, exposed_mask, stacked_mask, stacked_view, trusted
 
 SEARCH = EdgeSearch(np.array([8.0, 6.0, 5.0, 4.0, 4.0, 4.0]), 3.0)
 
@@ -65,11 +64,10 @@ def test_a_link_before_another_shows_its_edges_in_a_blurred_picture() -> None:
     rates = sweep / 0.05
     shutter = Shutter(0.05, 0.0, 0.0, q[None], rates[None], 0.0 * rates[None])
     rig = shutter.of(rig_of(mechanism, CAMERA), 0)
-    trust, even, links = np.ones(planes.shape, np.float32), np.zeros(2, np.bool_), []
-    for order in (np.array([[0, BACK], [FRONT, 0]], np.int8), no_order(2)):
-        view = View(trust, np.arange(2), even, order)
-        found = edge_terms(planes.round().astype(np.uint8), view, rig, no_shifts(rig), q, 4.0, 2.0).agreement
-        links.append(found.links)
+    mask, links = planes.round().astype(np.uint8), []
+    for known in (True, False):
+        found = edge_terms(mask, stacked_view(known=known), rig, no_shifts(rig), q, 4.0, 2.0)
+        links.append(found.agreement.links)
     assert links[0][1, BEHIND] == 0
     assert links[0][1, NEAR] == pytest.approx(links[0][1, TRUST])
     assert links[1][1, BEHIND] > links[1][1, SAMPLES]

@@ -30,12 +30,12 @@ GUESS = SceneGuess(MECHANISM, CAMERA, POSES, np.zeros(3))
 FOUR = SceneGuess(MECHANISM, CAMERA, POSES[[0, 0, 1, 2]], np.zeros(4))
 
 
-def painted(*levels: int, stripes: int = 0) -> list[Frame]:
+def painted(*levels: int, stripes: int = 0, guess: SceneGuess = GUESS) -> list[Frame]:
     """Paint each geom in its grey level; ``stripes`` alternates the last one's with the background's."""
     frames = []
-    for i, q in enumerate(POSES):
+    for i, q in enumerate(guess.positions):
         luma = np.full(SIZE, 160, np.uint8)
-        for (_, polygon), level in zip(outline(MECHANISM, CAMERA, q), levels, strict=True):
+        for (_, polygon), level in zip(outline(guess.mechanism, CAMERA, q), levels, strict=True):
             cv2.fillPoly(luma, [np.round(polygon).astype(np.int32)], level)
         if stripes:
             inside = luma == levels[-1]
@@ -72,29 +72,19 @@ def test_a_geom_that_shows_nothing_alone_has_no_place_in_the_order(tmp_path: Pat
     )
     mechanism = read(tmp_path, mjcf(disc))
     guess = SceneGuess(mechanism, CAMERA, POSES[:, :1], np.zeros(3))
-    frames = []
-    for i, q in enumerate(guess.positions):
-        luma = np.full(SIZE, 160, np.uint8)
-        for (_, polygon), level in zip(outline(mechanism, CAMERA, q), (60, 230), strict=True):
-            cv2.fillPoly(luma, [np.round(polygon).astype(np.int32)], level)
-        frames.append(Frame(i, i / 30, luma))
-    found = geom_colours(frames, BACKGROUND, guess, np.ones(3, bool))
+    found = geom_colours(painted(60, 230, guess=guess), BACKGROUND, guess, np.ones(3, bool))
     assert found is not None
     assert found.order is not None
     assert not found.order.any()
 
 
 def test_where_thin_geoms_cross_all_is_mixed_and_no_order_known() -> None:
-    thin = replace(GUESS, mechanism=MECHANISM.with_values({"link1.width": 0.004, "link2.width": 0.004}))
-    frames = []
-    for i, q in enumerate(POSES):
-        luma = np.full(SIZE, 160, np.uint8)
-        for (_, polygon), level in zip(outline(thin.mechanism, CAMERA, q), (60, 230), strict=True):
-            cv2.fillPoly(luma, [np.round(polygon).astype(np.int32)], level)
-        frames.append(Frame(i, i / 30, luma))
-    # at the same place in forty frames: enough pixels for a vote
-    many = replace(thin, positions=np.repeat(POSES, 14, axis=0), mismatch=np.zeros(42))
-    found = geom_colours([frames[i // 14] for i in range(42)], BACKGROUND, many, np.ones(42, bool))
+    # at the same places in 42 frames: enough pixels for a vote
+    thin = SceneGuess(
+        MECHANISM.with_values({"link1.width": 0.004, "link2.width": 0.004}),
+        CAMERA, np.repeat(POSES, 14, axis=0), np.zeros(42),
+    )  # fmt: skip
+    found = geom_colours(painted(60, 230, guess=thin), BACKGROUND, thin, np.ones(42, bool))
     assert found is not None
     assert sorted(found.part.tolist()) == [0, 1]
     assert found.order is not None

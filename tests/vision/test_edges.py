@@ -14,7 +14,10 @@ from monodyn.mechanism.tree import SLIDE
 from monodyn.vision.drawing.camera import X
 from monodyn.vision.drawing.edges import (
     BEHIND,
+    NEAR,
     SAMPLES,
+    SQUARES,
+    TRUST,
     Agreement,
     Shifts,
     edge_terms,
@@ -23,8 +26,7 @@ from monodyn.vision.drawing.edges import (
 )
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.foreground.coverage import CHANGED_LEVEL
-from monodyn.vision.foreground.masks import BACK, FRONT, View, no_order
-from pictures import CAMERA, drawn_mask, stacked_mask, trusted
+from pictures import CAMERA, drawn_mask, stacked_mask, stacked_view, trusted
 
 
 def terms(mechanism: Mechanism, mask: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, Agreement]:
@@ -72,10 +74,9 @@ def test_a_geom_in_front_of_another_shows_all_of_its_edges(elbow: float) -> None
     mechanism, rig = load("double"), rig_of(load("double"), CAMERA)
     folded = np.array([0.4, elbow])
     mask, near = stacked_mask(mechanism, CAMERA, folded), folded + np.array([0.005, -0.01])
-    trust, sharp = np.ones(mask.shape, np.float32), np.zeros(2, np.bool_)
     off, links = [], []
-    for order in (np.array([[0, BACK], [FRONT, 0]], np.int8), no_order(2)):
-        view = View(trust, np.arange(2), sharp, order)
+    for known in (True, False):
+        view = stacked_view(known=known)
         normal, right, found = edge_terms(mask, view, rig, no_shifts(rig), near, 4.0, 2.0)
         off.append(np.abs(near + np.linalg.solve(normal + 1e-6 * np.eye(2), right) - folded).max())
         links.append(found.links)
@@ -85,6 +86,34 @@ def test_a_geom_in_front_of_another_shows_all_of_its_edges(elbow: float) -> None
     assert links[1][1, BEHIND] > 0.5 * links[0][1, SAMPLES]
     assert links[0][0, BEHIND] > links[1][0, BEHIND]
     assert off[1] > 2.0 * off[0]
+
+
+def test_a_geom_that_shows_where_another_should_cover_it_keeps_its_edges() -> None:
+    """The second link is not there, and is looked for on the first."""
+    mechanism, rig = load("double"), rig_of(load("double"), CAMERA)
+    q = np.array([0.4, np.pi - 0.05])
+    alone = stacked_mask(mechanism, CAMERA, np.array([0.4, 1.5]))
+    alone[1] = 0
+    with_order, without = (
+        edge_terms(alone, stacked_view(known=known), rig, no_shifts(rig), q, 4.0, 2.0).agreement.links[0]
+        for known in (True, False)
+    )
+    np.testing.assert_array_equal(with_order, without)
+    assert with_order[NEAR] > 0.8 * with_order[TRUST]
+
+
+def test_in_the_plane_of_any_difference_a_geom_in_front_has_no_edge() -> None:
+    """Nothing of the second link's colour is trusted; in the other plane the link behind shows as well."""
+    mechanism, rig = load("double"), rig_of(load("double"), CAMERA)
+    q = np.array([0.4, np.pi - 0.02])
+    planes = stacked_mask(mechanism, CAMERA, q)
+    mask, view = np.concatenate((planes, planes.max(axis=0, keepdims=True))), stacked_view()
+    trust = np.stack([view.trust[0], 0.0 * view.trust[0], view.trust[0]])
+    found = edge_terms(mask, view._replace(trust=trust, border=2), rig, no_shifts(rig), q, 4.0, 2.0)
+    link = found.agreement.links[1]
+    assert link[BEHIND] > link[SAMPLES] > 0
+    assert np.sqrt(link[SQUARES] / link[NEAR]) < 0.2
+    assert link[NEAR] == pytest.approx(link[TRUST])
 
 
 def test_derivatives_by_shared_parameters_against_finite_differences() -> None:

@@ -10,8 +10,16 @@ import pytest
 
 from monodyn.mechanism import load
 from monodyn.types import Mask, Poses
-from monodyn.vision.tracking.exposure import SHARP, Exposure, exposure_of, motion, with_shutter
-from pictures import CAMERA, exposed_mask, trusted
+from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.tracking.exposure import (
+    SHARP,
+    Exposure,
+    _add_misfits,
+    exposure_of,
+    motion,
+    with_shutter,
+)
+from pictures import CAMERA, exposed_mask, stacked_mask, stacked_view, trusted
 
 RATE = 10.0
 """Frames a second [Hz]."""
@@ -55,6 +63,16 @@ def test_the_exposure_is_found(exposure: float) -> None:
 
 def test_edges_wider_than_a_whole_interval_blurs_them_are_none_of_an_exposure() -> None:
     assert exposure_of(filmed(swing(8), 0.12), swing(8)) == SHARP
+
+
+def test_a_link_in_front_of_another_shows_how_long_it_was_exposed() -> None:
+    """The second link lies on the first, and both turn by a tenth of a radian about the first hinge."""
+    mechanism, q, sweep = load("double"), np.array([0.4, np.pi - 0.05]), np.array([0.1, 0.0])
+    times = (np.arange(15) + 0.5) / 15 - 0.5
+    planes = np.mean([stacked_mask(mechanism, CAMERA, q + t * sweep) for t in times], axis=0)
+    rig, misfits = rig_of(mechanism, CAMERA)._replace(sweep=sweep), np.zeros(3)
+    _add_misfits(planes.round().astype(np.uint8), stacked_view(), rig, q, np.array([0.5, 1.0, 1.5]), misfits)
+    assert misfits[1] < 0.05 * misfits[[0, 2]].min()
 
 
 def test_sharp_pictures_have_none() -> None:

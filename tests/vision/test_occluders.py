@@ -5,9 +5,8 @@ import pytest
 
 from monodyn.mechanism import load
 from monodyn.vision.drawing.rig import rig_of
-from monodyn.vision.foreground.masks import BACK, FRONT, View, no_order
 from monodyn.vision.tracking.occluders import CELL_PX, Occluders, without
-from pictures import CAMERA, drawn_mask, stacked_mask, trusted
+from pictures import CAMERA, drawn_mask, stacked_mask, stacked_view, trusted
 
 
 def swung(blank):
@@ -44,9 +43,7 @@ def test_nothing_is_hidden_where_all_shows():
 def test_a_link_behind_another_is_not_behind_an_occluder(known):
     """The second link lies on the first, which swings about; each has its own colour, the second in shade."""
     mechanism = load("double")
-    order = np.array([[0, BACK], [FRONT, 0]], np.int8) if known else no_order(2)
-    view = View(np.ones((2, CAMERA.height, CAMERA.width), np.float32), np.arange(2), np.zeros(2, bool), order)
-    found = Occluders(rig_of(mechanism, CAMERA), view)
+    found = Occluders(rig_of(mechanism, CAMERA), stacked_view(known=known))
     for angle in np.linspace(-0.52, -0.5, 9):
         q = np.array([angle, np.pi - 0.05])
         planes = (stacked_mask(mechanism, CAMERA, q) * [[[1.0]], [[0.4]]]).astype(np.uint8)

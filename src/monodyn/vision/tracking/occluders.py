@@ -16,7 +16,7 @@ from numba import njit
 
 from monodyn.types import FULL
 from monodyn.uncounted import UNCOUNTED
-from monodyn.vision.drawing.probe import COVERED_PX, OUT_AT, OUT_X, OUT_Y, TRUSTED, outline_lines, outside
+from monodyn.vision.drawing.probe import OUT_AT, OUT_X, OUT_Y, TRUSTED, Normal, meets, outline_lines
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw
 from monodyn.vision.foreground.masks import BACK, View
@@ -113,23 +113,13 @@ def _note(
             low, high = _columns(lines, first[g], first[g + 1], float(y), (hits.shape[1] - 1) * CELL_PX)
             for column in range(math.ceil(low / CELL_PX), math.floor(high / CELL_PX) + 1):
                 x = column * CELL_PX
-                if trust[y, x] < TRUSTED or _lies_behind(view.order, lines, first, g, float(x), float(y)):
+                here = Normal(float(x), float(y), 0.0, 0.0)
+                if trust[y, x] < TRUSTED or meets(lines, first, view.order, g, here, 0.0, BACK):
                     continue
                 if plane[y, x] < EMPTY:
                     hits[row, column] += 1
                 elif plane[y, x] > SHOWN:
                     shows[row, column] += 1
-
-
-@njit(cache=True, **UNCOUNTED)
-def _lies_behind(
-    order: np.ndarray, lines: np.ndarray, first: np.ndarray, own: int, x: float, y: float
-) -> bool:
-    """Return whether a geom in front of ``own``, in the order of the geoms (geom, geom), covers a place."""
-    for g in range(order.shape[0]):
-        if order[own, g] == BACK and outside(lines, first[g], first[g + 1], x, y) < COVERED_PX:
-            return True
-    return False
 
 
 @njit(cache=True, **UNCOUNTED)
