@@ -10,11 +10,13 @@ from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.shoot import Optimum, typical
-from monodyn.estimation.verdict.refine import _as_seen, refine
+from monodyn.estimation.verdict.common import common_error
+from monodyn.estimation.verdict.refine import COMMON_ROUNDS, NOISE_ROUNDS, _as_seen, refine
+from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.mechanism import load
 from monodyn.mechanism.tree import Measured
 from monodyn.stages import identify
-from swings import motion, record, sigmas
+from swings import TIMES, motion, record, sigmas
 
 
 def test_gross_errors_and_gaps(poses, double, truth):
@@ -131,3 +133,22 @@ def test_what_needs_more_integration_steps_is_fitted_with_them(poses, truth, mon
     monkeypatch.setattr("monodyn.estimation.verdict.refine.choose_substeps", needed)
     assert identify(poses, truth, IdentifySettings(starts=1)).ok
     assert asked[1] == 2 * asked[0]
+
+
+@pytest.mark.parametrize(("stays", "rounds"), [(True, NOISE_ROUNDS), (False, COMMON_ROUNDS)])
+def test_noise_is_taken_from_residuals_until_it_stays(truth, monkeypatch, stays, rounds):
+    """Positions that a camera moves all together, by little."""
+    position = motion(truth, TIMES, [0.3, 0.5], [0.0, 1.0])
+    shifts = 4e-3 * np.stack([np.cos(2.0 * position), np.sin(position)])
+    taken = []
+
+    def counted(problem, trial, mean):
+        taken.append(mean)
+        return common_error(problem, trial, mean)
+
+    monkeypatch.setattr("monodyn.estimation.verdict.refine.common_error", counted)
+    if not stays:
+        monkeypatch.setattr(NoiseFactors, "is_about", lambda *_: False)
+    fit = identify(replace(record(truth, TIMES, position), shifts=shifts), truth, IdentifySettings(starts=1))
+    assert fit.ok
+    assert len(taken) == rounds

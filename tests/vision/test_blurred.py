@@ -7,7 +7,7 @@ import pytest
 
 from monodyn.mechanism import load
 from monodyn.vision.drawing.blurred import covered_part, times_of
-from monodyn.vision.drawing.edges import BEHIND, NEAR, SAMPLES, TRUST, edge_terms, no_shifts
+from monodyn.vision.drawing.edges import BEHIND, NEAR, SAMPLES, SQUARES, TRUST, edge_terms, no_shifts
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.probe import Normal
 from monodyn.vision.drawing.rig import rig_of
@@ -69,7 +69,9 @@ def test_a_link_before_another_shows_its_edges_in_a_blurred_picture() -> None:
         found = edge_terms(mask, stacked_view(known=known), rig, no_shifts(rig), q, 4.0, 2.0)
         links.append(found.agreement.links)
     assert links[0][1, BEHIND] == 0
-    assert links[0][1, NEAR] == pytest.approx(links[0][1, TRUST])
+    for link in links[0]:
+        assert link[NEAR] == pytest.approx(link[TRUST])
+        assert np.sqrt(link[SQUARES] / link[NEAR]) < 0.15
     assert links[1][1, BEHIND] > links[1][1, SAMPLES]
     assert links[0][0, BEHIND] > links[1][0, BEHIND]
 

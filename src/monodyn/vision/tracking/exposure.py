@@ -40,13 +40,12 @@ from monodyn.vision.drawing.probe import (
     depth_inside,
     is_covered,
     least_trust,
-    meets,
     outline_lines,
 )
 from monodyn.vision.drawing.rig import Rig, rig_of
 from monodyn.vision.drawing.shutter import SWEPT_COLUMNS, Shutter, swept_points, way
 from monodyn.vision.drawing.silhouette import blank_outlines, draw
-from monodyn.vision.foreground.masks import BACK, View, planes_for
+from monodyn.vision.foreground.masks import View, planes_for
 from monodyn.vision.locating.scene import Scene
 
 FRAMES = 12
@@ -285,11 +284,8 @@ def _add_misfits(
             continue
         begun = Normal(at.x - path[0], at.y - path[1], at.nx, at.ny)
         ended = Normal(at.x - path[2], at.y - path[3], at.nx, at.ny)
-        covered = False
-        for there in (begun, ended):
-            covered = covered or is_covered(lines, first, view.order, own, there, REACH_PX)
-            covered = covered or meets(lines, first, view.order, own, there, -inner, BACK)
-        if covered:
+        covered = is_covered(lines, first, view.order, own, begun, REACH_PX)
+        if covered or is_covered(lines, first, view.order, own, ended, REACH_PX):
             continue
         steps = math.ceil(inner + outer)
         step = (inner + outer) / steps
