@@ -25,8 +25,8 @@ import numpy as np
 
 import monodyn
 
-RATE, STEP = 60, 1e-3
-"""Pictures a second [Hz], and step of the simulation [s]."""
+RATE, STEPS = 60, 16
+"""Pictures a second [Hz], and steps of the simulation to each."""
 FREE, STILL, HELD = 5.0, 0.4, 10.0
 """Seconds that it swings freely; that it has to be at rest before it is swung up; that it has to stay up."""
 LONGEST = 60.0
@@ -94,7 +94,7 @@ class Laboratory:
     """
 
     def __init__(self, kind: Mechanism) -> None:
-        text = SCENE.format(step=STEP, fovy=kind.fovy, bodies=kind.bodies)
+        text = SCENE.format(step=1.0 / (RATE * STEPS), fovy=kind.fovy, bodies=kind.bodies)
         self.body = mujoco.MjModel.from_xml_string(text)
         self.data = mujoco.MjData(self.body)
         self.data.qpos[:] = kind.start
@@ -107,10 +107,8 @@ class Laboratory:
             while True:
                 renderer.update_scene(self.data, camera="eye")
                 yield renderer.render()
-                end = self.data.time + 1.0 / RATE
-                while self.data.time < end - 0.5 * STEP:
-                    self.data.qfrc_applied[self.motor] = self.torque
-                    mujoco.mj_step(self.body, self.data)
+                self.data.qfrc_applied[self.motor] = self.torque
+                mujoco.mj_step(self.body, self.data, STEPS)
 
 
 class Pilot:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,20 @@ MARGIN_PX = 5
 """Margin of the part in which anything moves: a still pixel, and a sample of the colours [px]."""
 AROUND_PX = 90
 """Longer side of the picture of the surroundings, at most [px]."""
+
+
+class Moving(NamedTuple):
+    """Colours of what moves.
+
+    Attributes:
+        pixels: Colours of pixels that show it, those of their backgrounds and the frames' numbers, in the
+            columns named above, (pixel, column).
+        absent: What the background shows where it holds a part of it that some frames do not show, as many of
+            these pixels as of the others, (pixel, 3).
+    """
+
+    pixels: np.ndarray
+    absent: np.ndarray
 
 
 def least_contrast(samples: Sequence[Frame], background: Background, grey_only: bool) -> float:
@@ -76,7 +90,7 @@ def moving_pixels(
     grey_only: bool,
     contrast: float,
     shadow: Shadow | None,
-) -> np.ndarray:
+) -> Moving:
     """Gather the colours of inner foreground pixels.
 
     Args:
@@ -88,42 +102,56 @@ def moving_pixels(
         shadow: The mechanism's shadow, which does not count.
 
     Returns:
-        Their colours, those of their backgrounds and the frames' numbers, in the columns named above, (pixel,
-        column).
+        Their colours.
     """
     import cv2
 
-    from monodyn.vision.foreground.inner import fill_moving
+    from monodyn.vision.foreground.inner import ABSENT, MOVING, fill_moving
 
     window, least = _moving_window(background), (float(contrast), CHANGED_NOISE)
     behind, shape = _scenery(background, np.stack(around), grey_only, window), background.luma.shape
 
-    def picked(number: int) -> np.ndarray:
-        """Return the pixels of one sample, (pixel, column)."""
+    def picked(number: int) -> Moving:
+        """Return the pixels of one sample."""
         frame = samples[number]
         luma = _cut(frame.luma, window, shape)
         small = () if grey_only else frame.chroma or ()
         tint = np.zeros((len(small), *(luma.shape if small else (1, 1))), np.uint8)
         for out, plane in zip(tint, small, strict=True):
             out[:] = _cut(plane, window, shape)
-        moving = np.zeros_like(luma)
-        fill_moving(luma, tint, behind, least, moving)
+        marks = np.zeros_like(luma)
+        fill_moving(luma, tint, behind, least, marks)
         if shadow is not None:
-            moving[_cut(in_shadow(frame, background, shadow), window, shape)] = 0
+            marks[_cut(in_shadow(frame, background, shadow), window, shape)] = 0
         # pixels at an edge are mixed with the background; only a thin mechanism has no others
-        core = cv2.erode(moving, np.ones((3, 3), np.uint8))
+        moving, absent = ((marks == kind).view(np.uint8) for kind in (MOVING, ABSENT))
+        core, absent = (cv2.erode(mask, np.ones((3, 3), np.uint8)) for mask in (moving, absent))
         inner = core if cv2.countNonZero(core) >= LEAST_CORE else moving
-        at = cv2.findNonZero(inner).reshape(-1, 2) if inner.any() else np.zeros((0, 2), np.int32)
-        x, y = at[:: max(1, len(at) // PICKED)].T
-        planes = [luma, *tint]
-        blank = [np.zeros(len(y))] * (3 - len(planes))
-        shown = [plane[y, x] for plane in planes] + blank
-        back = [plane[y, x] for plane in (behind.luma, *behind.chroma)] + blank
-        return np.column_stack([*shown, *back, np.full(len(y), number)]).astype(np.float64)
+        step = max(1, cv2.countNonZero(inner) // PICKED)
+        (y, x), gone = (_some(mask, step) for mask in (inner, absent))
+        blank = 2 - len(tint)
+        back = [behind.luma, *behind.chroma]
+        table = [*_at([luma, *tint], y, x, blank), *_at(back, y, x, blank), np.full(len(y), number)]
+        return Moving(np.column_stack(table), np.column_stack(_at(back, *gone, blank)))
 
     rows = range(0, len(samples), spacing(len(samples), PICKED_FRAMES))
     most = max(1, PIXELS_AT_ONCE // background.luma.size)
-    return np.concatenate(on_all_cores(picked, rows, most=most))
+    pixels, absent = zip(*on_all_cores(picked, rows, most=most), strict=True)
+    return Moving(np.concatenate(pixels), np.concatenate(absent))
+
+
+def _some(mask: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and columns of every ``step``-th pixel of a mask, (pixel,) each."""
+    import cv2
+
+    at = cv2.findNonZero(mask)
+    x, y = (np.zeros((0, 2), np.int32) if at is None else at.reshape(-1, 2)[::step]).T
+    return y, x
+
+
+def _at(planes: Sequence[np.ndarray], y: np.ndarray, x: np.ndarray, blank: int) -> list[np.ndarray]:
+    """Return what planes show at some pixels, and 0 for planes that are not there, (pixel,) each."""
+    return [plane[y, x].astype(np.float64) for plane in planes] + [np.zeros(len(y))] * blank
 
 
 def _scenery(background: Background, around: np.ndarray, grey_only: bool, window: Window) -> Scenery:

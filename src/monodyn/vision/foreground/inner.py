@@ -10,6 +10,9 @@ from numba import njit
 from monodyn.uncounted import UNCOUNTED
 from monodyn.vision.foreground.thumbnails import Window
 
+MOVING, ABSENT = 1, 2
+"""Marks of a pixel that shows what moves, and of one where the background does and the frame does not."""
+
 
 class Scenery(NamedTuple):
     """What frames are compared with.
@@ -40,17 +43,18 @@ class Scenery(NamedTuple):
 def fill_moving(
     luma: np.ndarray, chroma: np.ndarray, behind: Scenery, least: tuple[float, float], out: np.ndarray
 ) -> None:
-    """Mark the pixels of a frame that differ from the background, and are less like what is around than that.
+    """Mark the pixels of a frame that differ from the background.
 
     Where the background shows the mechanism itself, what moves is its absence: such a pixel is more like its
-    surroundings than the background is, and does not count.
+    surroundings than the background is.
 
     Args:
         luma: Grey levels, uint8 (height, width).
         chroma: Blue and red difference, uint8 (channel, height, width); no channels where grey alone counts.
         behind: What the frame is compared with.
         least: Difference from which a pixel has changed [grey levels], and over its noise.
-        out: Set to 1 at these pixels and to 0 at others within the window, uint8 (height, width).
+        out: Set to ``MOVING`` or ``ABSENT`` at these pixels and to 0 at others within the window, uint8
+            (height, width).
     """
     top, bottom, left, right = behind.window
     contrast, noises = np.float32(least[0]), np.float32(least[1])
@@ -64,7 +68,7 @@ def fill_moving(
         near, columns = behind.around[:, behind.rows[y]], behind.columns[left:right]
         shown = (luma[y][left:right], chroma[:, y, left:right])
         usual = (behind.luma[y][left:right], behind.chroma[:, y, left:right])
-        _unmark(shown, usual, near, columns, marks)
+        _mark_absent(shown, usual, near, columns, marks)
 
 
 @njit(cache=True, **UNCOUNTED)
@@ -100,14 +104,14 @@ def _mark_changed(
 
 
 @njit(cache=True, **UNCOUNTED)
-def _unmark(
+def _mark_absent(
     shown: tuple[np.ndarray, np.ndarray],
     usual: tuple[np.ndarray, np.ndarray],
     around: np.ndarray,
     columns: np.ndarray,
     marks: np.ndarray,
 ) -> None:
-    """Unmark pixels of a row that are more like what is around, (channel, column), than their background is.
+    """Mark pixels of a row that are more like what is around, (channel, column), than their background is.
 
     ``shown`` and ``usual`` are grey levels (pixel,) and colours (channel, pixel).
     """
@@ -122,4 +126,5 @@ def _unmark(
             one, other = np.float32(shown[1][c, x]) - near, usual[1][c, x] - near
             off += one * one
             behind += other * other
-        marks[x] = off > behind
+        if off <= behind:
+            marks[x] = ABSENT

@@ -38,7 +38,10 @@ MERGED = 3.2
 RARE = 0.12
 """Share of the moving pixels below which a cluster is no colour of the mechanism."""
 LEAST_PIXELS = 50
-"""Moving pixels below which nothing moves."""
+"""Moving pixels below which nothing moves, and pixels of a part of it in the background."""
+SHOWN_AGAIN = 0.5
+"""Moving pixels of a colour over those at which the background has it and a frame does not, from which it is
+the mechanism's: what stands in the background shows elsewhere where it has moved, a pattern of it does not."""
 
 
 class MovingColours(NamedTuple):
@@ -52,6 +55,7 @@ class MovingColours(NamedTuple):
         contrast: Least difference of a pixel that has changed [grey levels].
         shadow: Its shadow, which does not count; None without one.
         around: What is around all that moves, grey level and colours, each float32 (row, column), reduced.
+        behind: Further colours of it, that show in the background more than in front of it, (colour, 3).
     """
 
     colours: np.ndarray
@@ -60,6 +64,7 @@ class MovingColours(NamedTuple):
     contrast: float
     shadow: Shadow | None
     around: list[np.ndarray]
+    behind: np.ndarray
 
 
 def moving_colours(
@@ -83,7 +88,7 @@ def moving_colours(
     contrast = contrast or least_contrast(samples, background, grey_only)
     shadow = find_shadow(samples, background, contrast)
     around = surroundings(samples, background, contrast)
-    pixels = moving_pixels(samples, background, around, grey_only, contrast, shadow)
+    pixels, absent = moving_pixels(samples, background, around, grey_only, contrast, shadow)
     if len(pixels) < LEAST_PIXELS:
         raise VideoError(
             "the clip: expected a mechanism that moves, got a still picture; nothing differs from the "
@@ -91,12 +96,14 @@ def moving_colours(
             "--segment.contrast."
         )
     ways = [grey_only, True] if colour == "auto" and not grey_only else [grey_only]
-    found = on_all_cores(lambda grey: _clusters(pixels, grey, contrast), ways)
+    shown = pixels[:, SHOWN]
+    found = on_all_cores(lambda grey: _clusters(shown, grey, contrast), ways)
     colours = found[0]
     if len(ways) > 1 and _grey_suffices(pixels, colours, contrast):
         grey_only, colours = True, found[1]
     varied = _is_varied(pixels, colours, grey_only)
-    return MovingColours(colours, grey_only, varied, contrast, shadow, around)
+    behind = _behind(shown, absent, colours, grey_only, contrast)
+    return MovingColours(colours, grey_only, varied, contrast, shadow, around, behind)
 
 
 def lingering(samples: Sequence[Frame], background: Background, found: MovingColours) -> Covered | None:
@@ -113,7 +120,8 @@ def lingering(samples: Sequence[Frame], background: Background, found: MovingCol
     shape, near = background.luma.shape, NEAR_COLOUR * found.contrast
     # what is not of its grey level need not be looked at, nor most of the other pictures
     suspect = np.zeros(shape, dtype=np.bool_)
-    for grey in found.colours[:, 0].astype(np.float32):
+    colours = np.concatenate((found.colours, found.behind)).astype(np.float32)
+    for grey in colours[:, 0]:
         suspect |= np.abs(background.luma - grey) < near
     rows, columns = np.divmod(np.flatnonzero(suspect), shape[1])
     usual = at_pixels(found.around, shape, rows, columns)
@@ -123,7 +131,7 @@ def lingering(samples: Sequence[Frame], background: Background, found: MovingCol
         is around."""
         planes = [picture.luma, *(() if found.grey_only else picture.chroma or ())]
         shown = at_pixels(planes, shape, rows, columns)
-        off = np.min([apart(shown, list(colour)) for colour in found.colours.astype(np.float32)], axis=0)
+        off = np.min([apart(shown, list(colour)) for colour in colours], axis=0)
         return (off < near**2) & (off < 0.25 * apart(shown, usual))
 
     likely = looks_like(background)
@@ -153,11 +161,37 @@ def _is_varied(pixels: np.ndarray, colours: np.ndarray, grey_only: bool) -> bool
     return float(np.percentile(shares, 20.0)) > VARIED_SHARE
 
 
-def _clusters(pixels: np.ndarray, grey_only: bool, contrast: float) -> np.ndarray:
+def _behind(
+    shown: np.ndarray, absent: np.ndarray, colours: np.ndarray, grey_only: bool, contrast: float
+) -> np.ndarray:
+    """Return colours of what moves, beside the main ones, of which the background holds a part, (colour, 3).
+
+    A cart that moves by less than its length shows at its two ends only, too little for a main colour; but
+    the background, in which it stands, shows it wherever a frame does not.
+    """
+    used = [0] if grey_only else [0, 1, 2]
+
+    def near(pixels: np.ndarray, colour: np.ndarray) -> np.ndarray:
+        """Return which pixels are near a colour, bool (pixel,)."""
+        return np.linalg.norm(pixels[:, used] - colour[used], axis=1) < NEAR_COLOUR * contrast
+
+    for colour in colours:
+        absent = absent[~near(absent, colour)]
+    if len(absent) < LEAST_PIXELS:
+        return np.zeros((0, 3))
+    found = [
+        colour
+        for colour in _clusters(absent, grey_only, contrast)
+        if np.count_nonzero(near(shown, colour)) >= SHOWN_AGAIN * np.count_nonzero(near(absent, colour))
+    ]
+    return np.array(found).reshape(-1, 3)
+
+
+def _clusters(shown: np.ndarray, grey_only: bool, contrast: float) -> np.ndarray:
     """Return the main colours (colour, 3) by k-means, near ones merged, rare ones dropped."""
     import cv2
 
-    values = pixels[:, SHOWN].astype(np.float32)
+    values = shown.astype(np.float32)
     if grey_only:
         values[:, 1:] = 0.0
     if float(values.std(axis=0).max()) < 1.0:
