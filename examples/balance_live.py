@@ -145,7 +145,8 @@ class Pilot:
 
     def _torque(self, step: monodyn.Step, q: np.ndarray, v: np.ndarray) -> float:
         """Return the torque for a frame; where something is done, go on to the next."""
-        if self.does == "watches" and step.time >= FREE and step.verdict == "trusted":
+        trusted = step.verdict == "trusted" and step.fit.mass_scale == "given"
+        if self.does == "watches" and step.time >= FREE and trusted:
             self._design(step.fit)
             self._go_on("brings it to rest", step.time)
         elif self.does == "brings it to rest":

@@ -11,7 +11,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.window import ahead
-from monodyn.live.horizon import Estimate, Horizon, _inverses, horizon_of
+from monodyn.live.estimate import Estimate
+from monodyn.live.horizon import Horizon, _inverses, horizon_of
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import load
 from monodyn.stages import identify

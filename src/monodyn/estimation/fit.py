@@ -11,6 +11,7 @@ import numpy as np
 
 from monodyn.arrays import Frozen, usual_step
 from monodyn.errors import FitError
+from monodyn.estimation.masses import MassScale, mass_scale
 from monodyn.estimation.parts import Combination, Common, Start, TriedTorque, Unmodelled
 from monodyn.extras import extra
 from monodyn.markup import card, counted, sentences, table
@@ -210,12 +211,12 @@ class Fit(Frozen):
         chosen = np.concatenate((np.arange(count), count + record * width + np.arange(width)))
         return self.covariance[np.ix_(chosen, chosen)]
 
-    @property
-    def mass_scale(self) -> str | None:
-        """What determines masses themselves: ``"torques"`` that are known; None where only ratios are."""
-        kinds = {p.name: p.kind for p in self.mechanism.parameters}
-        weighed = [p for p in self.parameters if kinds[p.name] == "mass" and p.std > 0.0]
-        return "torques" if self.torques and any(p.identifiable for p in weighed) else None
+    @cached_property
+    def mass_scale(self) -> MassScale | None:
+        """What determines masses themselves: known ``"torques"``, or a mass, a friction or the like that was
+        ``"given"``; None where the motion shows their ratios only."""
+        std = {p.name: p.std for p in self.parameters}
+        return mass_scale(self.mechanism, std, self.shared, self.directions, torque=self.torque)
 
     @cached_property
     def acting(self) -> tuple[str, ...]:

@@ -18,7 +18,8 @@ from monodyn.checks import camera_choices, left_out
 from monodyn.doubtful import doubtful_sight
 from monodyn.errors import MonodynError, VideoError
 from monodyn.estimation.fit import Doubt, Fit
-from monodyn.live.horizon import Estimate, Horizon, horizon_of
+from monodyn.live.estimate import Estimate
+from monodyn.live.horizon import Horizon, horizon_of
 from monodyn.live.record import joined
 from monodyn.live.settings import LiveSettings
 from monodyn.live.tracker import Tracker

@@ -6,7 +6,7 @@ from collections import deque
 
 import numpy as np
 
-from monodyn.live.horizon import Estimate
+from monodyn.live.estimate import Estimate
 from monodyn.types import Poses
 
 ALMOST = 0.9

@@ -14,7 +14,8 @@ import numpy as np
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.live.begin import Begun
-from monodyn.live.horizon import LONGEST_GAP, Acting, Estimate, Horizon, horizon_of
+from monodyn.live.estimate import Estimate
+from monodyn.live.horizon import LONGEST_GAP, Acting, Horizon, horizon_of
 from monodyn.live.record import Record, joined
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import Mechanism

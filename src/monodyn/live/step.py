@@ -14,7 +14,7 @@ from monodyn.types import Frame, Poses
 from monodyn.vision.locating.scene import Scene
 
 if TYPE_CHECKING:
-    from monodyn.live.horizon import Estimate
+    from monodyn.live.estimate import Estimate
 
 Phase = Literal["watching", "searching", "following"]
 """Waiting for motion; looking for the mechanism in what was watched; following it."""

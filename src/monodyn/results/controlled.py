@@ -20,7 +20,6 @@ from monodyn.results.export import json_text
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.linear import by_joint
 from monodyn.results.loop_film import write_loop
-from monodyn.results.masses import mass_scale
 from monodyn.results.models import write_controlled
 from monodyn.results.opened import open_run
 from monodyn.results.push import Push, let_go
@@ -168,7 +167,7 @@ class Controlled:
             # each of these takes long, and so there are few
             if self.swing.reached < self.swing.draws:
                 notes += draws_said(self.swing.reached, self.swing.draws)
-            if mass_scale(self.fit) is None:
+            if self.fit.mass_scale is None:
                 notes.append(
                     "A swing depends on the scale of the masses, which the record leaves open: where the "
                     "mechanism has k times those of model.xml, all its torques have to be k times as large "

@@ -13,15 +13,11 @@ import numpy as np
 
 from monodyn.choices import MOST_DRAWN, check_whole
 from monodyn.estimation.fit import Fit
+from monodyn.estimation.masses import SEEN, various_states
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
-from monodyn.mechanism.tree import SLIDE, Directions
-from monodyn.results.masses import mass_scale
+from monodyn.mechanism.tree import Directions
 
-STATES = 24
-"""States in which accelerations are compared."""
-RATES = 5.0
-"""Standard deviation of their rates [rad/s], and of the rates of slides in tenths of it [m/s]."""
 ROUNDS = 12
 """Gauss-Newton steps to a draw at most; three are usual."""
 MET = 1e-4
@@ -31,8 +27,6 @@ LONGEST = 0.3
 MOST_TRIES, SPARE_TRIES = 10, 200
 """Draws a mechanism that is found, at most, and how many more: of one in ten that lies within the bounds a
 few draws would often find none."""
-SEEN = 1e-7
-"""Directions along which accelerations change less than this share of the most stay as they are."""
 
 
 class Response(NamedTuple):
@@ -75,10 +69,13 @@ def drawn(fit: Fit, count: int, *, seed: int = 0, response: Response | None = No
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     rng, dofs = np.random.default_rng(seed), len(fit.mechanism.joints)
-    features = _Features(fit, _states(fit.mechanism), response or Response(np.zeros(dofs), 0))
+    states = various_states(fit.mechanism)
+    # what weight does is compared: what torques do follows from it, but for the scale of the masses
+    states[2] = 0.0
+    features = _Features(fit, states, response or Response(np.zeros(dofs), 0))
     start, slopes = features.of(fit.mechanism)
     found: list[Mechanism] = []
-    measured = mass_scale(fit) is not None
+    measured = fit.mass_scale is not None
     for _ in range(SPARE_TRIES + MOST_TRIES * count):
         if len(found) == count:
             break
@@ -89,17 +86,6 @@ def drawn(fit: Fit, count: int, *, seed: int = 0, response: Response | None = No
         one = _nearest(fit, features, start + moved)
         found += [] if one is None else [one]
     return found
-
-
-def _states(mechanism: Mechanism) -> np.ndarray:
-    """Return positions, rates and torques that differ, (3, row, dof)."""
-    rng, slide = np.random.default_rng(1), mechanism.tree.kind == SLIDE
-    states = rng.normal(size=(3, STATES, len(slide)))
-    states[0] = np.where(slide, 0.1 * states[0], np.pi * states[0])
-    states[1] *= RATES * np.where(slide, 0.1, 1.0)
-    # what weight does is compared: what torques do follows from it, but for the scale of the masses
-    states[2] = 0.0
-    return states
 
 
 class _Features:

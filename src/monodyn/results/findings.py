@@ -17,7 +17,6 @@ from monodyn.results.filmed import Filmed
 from monodyn.results.gaps import filled
 from monodyn.results.horizon import Horizon, horizon_of, horizon_said
 from monodyn.results.log import Compared, RunLog
-from monodyn.results.masses import mass_scale
 from monodyn.results.trace import Trace
 from monodyn.types import Poses
 
@@ -170,7 +169,7 @@ def fit_document(findings: Findings) -> dict[str, Any]:
         "unmodelled": None if fit.unmodelled is None else fit.unmodelled._asdict(),
         "horizon": [_horizon_row(findings, found) for found in findings.horizons],
         "scale": fit.scale,
-        "mass_scale": mass_scale(fit),
+        "mass_scale": fit.mass_scale,
         "stamp_error": fit.stamp_error,
         "camera": None if filmed is None else _camera_document(filmed),
         "fit_frames": findings.frames,

@@ -21,7 +21,6 @@ from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
 from monodyn.mechanism.tree import FRICTION, Directions, Tree
 from monodyn.names import known, quoted
-from monodyn.results.masses import mass_scale
 from monodyn.results.restart import FARTHEST
 
 DIFFERENCE = 1e-5
@@ -117,7 +116,7 @@ def linearize(
     tau[rows] = holding(tree, position, velocity, rows) if torque is None else _torque(torque, names)
     a, b, acceleration = state_matrices(tree, position, velocity, tau, rows)
     by_param = _entries(tree, directions, position, velocity, tau, rows)
-    if mass_scale(fit) is None:
+    if fit.mass_scale is None:
         # all of B is known up to one factor: it is told in units of what the first motor does to its joint
         by_b = by_param.reshape(*a.shape[:1], -1, by_param.shape[1])[:, a.shape[1] :]
         row = len(position) + rows[0]
@@ -331,7 +330,7 @@ def _notes(fit: Fit, joint: str, moved: float) -> tuple[str, ...]:
             "Torques over time that were identified are left out, of the linear system as of the closed "
             "loop in MuJoCo."
         )
-    if mass_scale(fit) is None:
+    if fit.mass_scale is None:
         unit = "kg m^2" if next(j for j in mechanism.joints if j.name == joint).kind == "hinge" else "kg"
         notes.append(
             "Masses are known up to one factor: torques are those of a mechanism in which the motor at "

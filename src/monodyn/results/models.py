@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from monodyn.estimation.masses import given_scale
 from monodyn.estimation.wording import listed
 from monodyn.results.findings import openness
 from monodyn.results.folder import DRAWN, RunFolder
-from monodyn.results.masses import given_scale, mass_scale
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -142,11 +142,11 @@ def what_is_known(fit: Fit) -> list[str]:
 def _mass_scale_said(fit: Fit) -> str:
     """Return a sentence on what determines masses themselves."""
     absolute = "masses, inertias, frictions, springs and torques"
-    scale = mass_scale(fit)
+    scale = fit.mass_scale
     if scale == "torques":
         return f"Known torques determine {absolute}: they are in SI units."
     if scale == "given":
-        given = given_scale(fit)
+        given = given_scale(fit.mechanism)
         what = f"{listed(given)} {'was' if len(given) == 1 else 'were'} given" if given else OF_THE_FILE
         return f"{absolute.capitalize()} are in SI units, as exactly as {what}."
     return (

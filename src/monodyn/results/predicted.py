@@ -23,7 +23,6 @@ from monodyn.results.export import json_text, motion_table
 from monodyn.results.fill import States, fill
 from monodyn.results.folder import FolderKind, RunFolder
 from monodyn.results.horizon import Horizon, allowed, horizon, horizon_said, lasts
-from monodyn.results.masses import mass_scale
 from monodyn.results.opened import clip_of, filmed_by, is_other_clip, open_run
 from monodyn.results.overlay import PREDICTED, Drawing, write_overlay
 from monodyn.results.predict import evenly
@@ -222,7 +221,7 @@ def _alone(fit: Fit, fix: Mapping[str, float]) -> list[str]:
     """Return a note on masses that are changed alone where only their ratios are known."""
     rows = [fit.mechanism.parameter(name) for name in fix]
     heavy = [p.name for p in rows if p.kind in MASS_KINDS and fix[p.name] not in (p.value, 0.0)]
-    if not heavy or mass_scale(fit) is not None:
+    if not heavy or fit.mass_scale is not None:
         return []
     return [
         f"Known only in ratios, and changed alone: {listed(heavy, 12)}. The other masses, inertias and "

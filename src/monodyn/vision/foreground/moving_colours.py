@@ -40,8 +40,8 @@ RARE = 0.12
 LEAST_PIXELS = 50
 """Moving pixels below which nothing moves, and pixels of a part of it in the background."""
 SHOWN_AGAIN = 0.5
-"""Moving pixels of a colour over those at which the background has it and a frame does not, from which it is
-the mechanism's: what stands in the background shows elsewhere where it has moved, a pattern of it does not."""
+"""Moving pixels of a colour over those at which the background has it and a frame does not, from which it
+is the mechanism's: what stands in the background shows elsewhere once it moves, a pattern of it does not."""
 
 
 class MovingColours(NamedTuple):

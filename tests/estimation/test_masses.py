@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import monodyn
-from monodyn.results.masses import mass_scale
 from swings import motion, record
 
 
@@ -40,14 +39,43 @@ def test_one_measured_mass_makes_all_of_them_absolute(tmp_path, name, fix, scale
     position = motion(true, times, start, [0.0] * len(start))
     poses = record(file, times, position, noise=1e-4)
     fit = monodyn.identify(poses, file.with_choices(fix=fix))
-    assert mass_scale(fit) == scale
+    assert fit.mass_scale == scale
     monodyn.report(fit, to=tmp_path / "run", poses=poses)
     assert json.loads((tmp_path / "run" / "fit.json").read_text())["mass_scale"] == scale
     text = (tmp_path / "run" / "model.xml").read_text()
     assert ("Only ratios show" in text) == (scale is None)
     # read back it still is what it was
-    assert mass_scale(monodyn.open_run(tmp_path / "run")) == scale
+    assert monodyn.open_run(tmp_path / "run").mass_scale == scale
     if scale:
         for body in file.bodies:
             mass = fit.parameter(f"{body}.mass")
             assert mass.value == pytest.approx(factor * true.values[mass.name], abs=4.0 * mass.std + 1e-12)
+
+
+def test_a_given_mass_beside_free_ones_determines_no_scale() -> None:
+    """Free, the pole's mass may be any: with its centre, inertia and frictions it makes the same motion."""
+    times = np.arange(90) / 30.0
+    file = monodyn.load("cartpole").with_choices(
+        fix={"cart.mass": 0.35}, free=["link1.mass", "link1.com_x", "link1.inertia"]
+    )
+    position = motion(file, times, [0.0, -0.4], [0.0, 0.0])
+    values, other = file.values, {}
+    # of what acts together all is k times as much, the mass 0.2 kg more
+    k = (0.35 + values["link1.mass"] + 0.2) / (0.35 + values["link1.mass"])
+    other["link1.mass"] = values["link1.mass"] + 0.2
+    other["link1.com_x"] = k * values["link1.mass"] * values["link1.com_x"] / other["link1.mass"]
+    about = values["link1.inertia"] + values["link1.mass"] * values["link1.com_x"] ** 2
+    other["link1.inertia"] = k * about - other["link1.mass"] * other["link1.com_x"] ** 2
+    other |= {f"{joint}.damping": k * values[f"{joint}.damping"] for joint in ("slide", "joint1")}
+    alike = motion(file.with_values(other), times, [0.0, -0.4], [0.0, 0.0])
+    np.testing.assert_allclose(alike, position, atol=1e-9)
+    fit = monodyn.identify(record(file, times, position, noise=1e-4), file)
+    assert fit.ok
+    assert np.isinf(fit.parameter("link1.mass").std)
+    assert fit.mass_scale is None
+    noted = monodyn.linearize(fit, {"joint1": -np.pi / 2}, actuated=["slide"]).notes
+    assert "known up to one factor" in noted[0]
+    known = monodyn.identify(
+        record(file, times, position, noise=1e-4), file.with_choices(fix={"link1.mass": 0.1})
+    )
+    assert known.mass_scale == "given"
