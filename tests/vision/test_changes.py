@@ -32,9 +32,22 @@ def test_pixels_that_move_show_what_moves() -> None:
     made = wandering()
     background = background_of(samples(made))
     around = surroundings(made, background, 14.0)
-    pixels = moving_pixels(made, background, around, True, 14.0, None)
+    pixels, absent = moving_pixels(made, background, around, True, 14.0, None)
+    assert not len(absent)
     assert np.median(pixels[:, 0]) == pytest.approx(90, abs=2)
     assert np.median(pixels[:, 3]) == pytest.approx(160, abs=3)
+
+
+def test_what_the_background_holds_and_a_frame_does_not_is_absent() -> None:
+    """The square stands at one place for most of the time: what it leaves there is no pixel that moves."""
+    made = wandering(places=[5 + i for i in range(8)] + [50] * 24, count=32)
+    background = background_of(samples(made))
+    around = surroundings(made, background, 14.0)
+    pixels, absent = moving_pixels(made, background, around, True, 14.0, None)
+    assert np.median(pixels[:, 0]) == pytest.approx(90, abs=2)
+    np.testing.assert_allclose(absent[:, 0], 90.0, atol=2.0)
+    # a square of 20 px without its border: as much shows of it as is missing
+    assert len(absent) == pytest.approx(len(pixels), rel=0.05)
 
 
 @pytest.mark.parametrize("core", [0, 10**6])
@@ -57,5 +70,7 @@ def test_a_part_of_the_pictures_shows_what_the_whole_does(
     monkeypatch.setattr(changes, "LEAST_CORE", core)
     found = moving_pixels(made, background, around, False, 8.0, shadow)
     monkeypatch.setattr(changes, "MARGIN_PX", 1000)
-    np.testing.assert_array_equal(found, moving_pixels(made, background, around, False, 8.0, shadow))
-    assert len(found) > 1000
+    whole = moving_pixels(made, background, around, False, 8.0, shadow)
+    for one, other in zip(found, whole, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert len(found.pixels) > 1000

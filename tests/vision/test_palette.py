@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monodyn.types import FULL
+from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import Background, background_of
+from monodyn.vision.foreground.changes import moving_pixels, surroundings
 from monodyn.vision.foreground.coverage import coverage_of
 from monodyn.vision.foreground.covered import covered_whole
 from monodyn.vision.foreground.masks import VARIED, GeomColours
@@ -37,6 +38,47 @@ def test_a_lingering_mechanism_is_not_its_own_background() -> None:
     found = moving_colours(made, first, "grey", 14.0)
     second = background_of(samples(made), lingering(made, first, found), fallback=first)
     assert second.luma[30, 60] == pytest.approx(160, abs=2)
+
+
+def swaying(wall: np.ndarray, *, bar: int, cart: int | None = 60) -> list[Frame]:
+    """A bar of 6 px goes to and fro before a wall, uint8 (height, width), below it a cart of 30 px that sways
+    by a few pixels."""
+    rng, made = np.random.default_rng(9), []
+    for i in range(36):
+        luma = wall + rng.normal(0.0, 0.7, wall.shape)
+        x, aside = int(37.0 + 33.0 * np.sin(0.7 * i)), int(25.5 - 5.0 * np.sin(0.7 * i))
+        if cart is not None:
+            luma[40:52, aside : aside + 30] = cart
+        luma[6:44, x : x + 6] = bar
+        made.append(Frame(i, i / 30, np.clip(luma.round(), 0, 255).astype(np.uint8), None))
+    return made
+
+
+def test_a_cart_that_moves_by_less_than_its_length_is_not_its_own_background() -> None:
+    made = swaying(np.full((H, W), 160, np.uint8), bar=230)
+    first = background_of(samples(made))
+    assert first.luma[46, 40] == pytest.approx(60, abs=2)
+    found = moving_colours(made, first, "grey", 14.0)
+    # too little of it shows for a colour of what moves
+    assert found.colours[:, 0] == pytest.approx([230], abs=2)
+    assert found.behind[:, 0] == pytest.approx([60], abs=2)
+    second = background_of(samples(made), lingering(made, first, found), fallback=first)
+    # where it stands in some frames only the wall shows, and in the middle nothing is known of it
+    np.testing.assert_allclose(second.luma[44:52, [22, 58]], 160.0, atol=2.0)
+    assert not second.known[44:52, 32:48].any()
+    again = moving_colours(made, second, "grey", 14.0)
+    assert sorted(again.colours[:, 0].round().tolist()) == pytest.approx([60, 230], abs=2)
+
+
+@pytest.mark.parametrize("bar", [110, 130, 150, 200])
+def test_a_wall_of_two_colours_is_not_what_moves_before_it(bar: int) -> None:
+    """A bar between the two is more like what is around than either."""
+    wall = np.where(np.indices((H, W)).sum(axis=0) // 20 % 2, 170, 90).astype(np.uint8)
+    made = swaying(wall, bar=bar, cart=None)
+    first = background_of(samples(made))
+    around = surroundings(made, first, 14.0)
+    assert len(moving_pixels(made, first, around, True, 14.0, None).absent) > 100
+    assert not len(moving_colours(made, first, "grey", 14.0).behind)
 
 
 def test_pixels_never_uncovered_are_not_trusted() -> None:
