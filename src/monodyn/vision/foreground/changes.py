@@ -25,7 +25,7 @@ CHANGED_SHARE = 0.3
 """Share of the contrast of what stands out most from which a pixel has changed, where that is less."""
 SHOWN, BEHIND, FRAME = slice(0, 3), slice(3, 6), 6
 """Columns of a table of pixels: colour, colour of the background there, and number of the frame."""
-CONTRAST_FRAMES, PICKED_FRAMES = 12, 24
+CONTRAST_FRAMES, PICKED_FRAMES = 12, 12
 """Samples, about, that are enough for the contrast of what moves, and for its colours."""
 PIXELS_AT_ONCE = 17_000_000
 """Pixels of all the samples that are gone through at a time, about."""
