@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
+from monodyn.errors import FitError
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.window import ahead
 from monodyn.live.estimate import Estimate
@@ -53,6 +54,20 @@ def test_a_motion_does_not_go_on_across_a_gap_in_what_comes_together() -> None:
     assert found.time.tolist() == wanted.time.tolist()
     assert found.time[0] >= rows.time[after]
     np.testing.assert_array_equal(found.found.x, wanted.found.x)
+
+
+def test_a_stretch_that_no_single_motion_explains_begins_no_window() -> None:
+    times, truth, started = np.arange(BEGUN) / 30.0, double_truth(), load("double").with_choices(fix=FIXED)
+    rows = record(truth, times, motion(truth, times, [0.3, 0.5], [0.0, 1.0]))
+    fit = identify(rows, started, IdentifySettings(torque="friction"))
+    Horizon(fit, started, rows, window=1.5, ahead=0.5)
+    # pushed where nobody has said so
+    other = record(truth, times, motion(truth, times, [0.9, -0.4], [2.0, 1.0]))
+    position = np.where(np.arange(BEGUN)[:, None] < BEGUN // 2, rows.position, other.position)
+    pushed = replace(rows, position=position)
+    with pytest.raises(FitError, match="expected residuals like the fit's"):
+        Horizon(fit, started, pushed, window=1.5, ahead=0.5)
+    assert horizon_of(fit, started, pushed, LiveSettings()) is None
 
 
 def test_every_frame_ends_at_its_optimum(estimates: list[Estimate]) -> None:
