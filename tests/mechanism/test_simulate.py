@@ -84,6 +84,8 @@ def test_runs_end_to_end_are_those_one_by_one() -> None:
 def test_a_bound_out_of_reach_ends_the_doubling() -> None:
     assert least_substeps(lambda steps: np.array([1.0 / steps]), 1e-9, 8) == (8, pytest.approx(0.125 / 15))
     assert least_substeps(lambda steps: np.array([np.nan]), 1e-3, 4) == (4, np.inf)
+    # changes that stay the same
+    assert least_substeps(lambda steps: np.array([np.log2(steps)]), 1e-3, 8) == (8, pytest.approx(1.0 / 15))
 
 
 @pytest.mark.parametrize(

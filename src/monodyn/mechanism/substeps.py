@@ -46,7 +46,8 @@ def least_substeps(
         steps, coarse = 2 * steps, fine
         # where changes fall as they should, the next one is known without trying it
         falls = before / change if np.isfinite(before) else 0.0
-        left = change / (min(falls, 16.0) - 1.0)
-        if STEADY[0] <= falls <= STEADY[1] and left <= tolerance:
-            return steps, left
+        if STEADY[0] <= falls <= STEADY[1]:
+            left = change / (min(falls, 16.0) - 1.0)
+            if left <= tolerance:
+                return steps, left
     return steps, change / 15 if np.isfinite(change) else np.inf
