@@ -45,7 +45,8 @@ def test_what_the_background_holds_and_a_frame_does_not_is_absent() -> None:
     around = surroundings(made, background, 14.0)
     pixels, absent = moving_pixels(made, background, around, True, 14.0, None)
     assert np.median(pixels[:, 0]) == pytest.approx(90, abs=2)
-    np.testing.assert_allclose(absent[:, 0], 90.0, atol=2.0)
+    np.testing.assert_allclose(absent[:, 3], 90.0, atol=2.0)
+    np.testing.assert_allclose(absent[:, 0], 160.0, atol=5.0)
     # a square of 20 px without its border: as much shows of it as is missing
     assert len(absent) == pytest.approx(len(pixels), rel=0.05)
 

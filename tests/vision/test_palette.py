@@ -40,7 +40,7 @@ def test_a_lingering_mechanism_is_not_its_own_background() -> None:
     assert second.luma[30, 60] == pytest.approx(160, abs=2)
 
 
-def swaying(wall: np.ndarray, *, bar: int, cart: int | None = 60) -> list[Frame]:
+def swaying(wall: np.ndarray, *, bar: np.ndarray | int, cart: int | None = 60) -> list[Frame]:
     """A bar of 6 px goes to and fro before a wall, uint8 (height, width), below it a cart of 30 px that sways
     by a few pixels."""
     rng, made = np.random.default_rng(9), []
@@ -61,7 +61,7 @@ def test_a_cart_that_moves_by_less_than_its_length_is_not_its_own_background() -
     found = moving_colours(made, first, "grey", 14.0)
     # too little of it shows for a colour of what moves
     assert found.colours[:, 0] == pytest.approx([230], abs=2)
-    assert found.behind[:, 0] == pytest.approx([60], abs=2)
+    assert found.resting[:, 0] == pytest.approx([60], abs=2)
     second = background_of(samples(made), lingering(made, first, found), fallback=first)
     # where it stands in some frames only the wall shows, and in the middle nothing is known of it
     np.testing.assert_allclose(second.luma[44:52, [22, 58]], 160.0, atol=2.0)
@@ -70,15 +70,28 @@ def test_a_cart_that_moves_by_less_than_its_length_is_not_its_own_background() -
     assert sorted(again.colours[:, 0].round().tolist()) == pytest.approx([60, 230], abs=2)
 
 
-@pytest.mark.parametrize("bar", [110, 130, 150, 200])
-def test_a_wall_of_two_colours_is_not_what_moves_before_it(bar: int) -> None:
-    """A bar between the two is more like what is around than either."""
-    wall = np.where(np.indices((H, W)).sum(axis=0) // 20 % 2, 170, 90).astype(np.uint8)
+CELLS = np.where(np.indices((H, W)).sum(axis=0) // 20 % 2, 170, 90).astype(np.uint8)
+POSTER = np.full((H, W), 170, np.uint8)
+POSTER[10:36, 20:56] = 80
+TIPPED = np.where(np.arange(38)[:, np.newaxis] < 5, 90, 130)
+
+
+@pytest.mark.parametrize(
+    ("wall", "bar"),
+    [
+        (CELLS, 110), (CELLS, 130), (CELLS, 150), (POSTER, 130), (POSTER, TIPPED),
+        (CELLS, np.linspace(20.0, 150.0, 38)[:, np.newaxis]),
+        (CELLS, np.linspace(60.0, 220.0, 38)[:, np.newaxis]),
+    ],
+    ids=["darker", "between", "brighter", "poster", "tipped", "dark to grey", "dark to bright"],
+)  # fmt: skip
+def test_a_wall_of_two_colours_is_not_what_moves_before_it(wall: np.ndarray, bar: np.ndarray | int) -> None:
+    """A bar between the two is more like what is around than either, and may have a shade of one of them."""
     made = swaying(wall, bar=bar, cart=None)
     first = background_of(samples(made))
     around = surroundings(made, first, 14.0)
     assert len(moving_pixels(made, first, around, True, 14.0, None).absent) > 100
-    assert not len(moving_colours(made, first, "grey", 14.0).behind)
+    assert not len(moving_colours(made, first, "grey", 14.0).resting)
 
 
 def test_pixels_never_uncovered_are_not_trusted() -> None:

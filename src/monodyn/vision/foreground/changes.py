@@ -40,13 +40,12 @@ AROUND_PX = 90
 
 
 class Moving(NamedTuple):
-    """Colours of what moves.
+    """Pixels that have changed: their colours, those of their backgrounds and the frames' numbers, in the
+    columns named above, (pixel, column); of each frame every so many, of both kinds alike.
 
     Attributes:
-        pixels: Colours of pixels that show it, those of their backgrounds and the frames' numbers, in the
-            columns named above, (pixel, column).
-        absent: What the background shows where it holds a part of it that some frames do not show, as many of
-            these pixels as of the others, (pixel, 3).
+        pixels: Those that show what moves.
+        absent: Those that are more like what is around than the background is, which may hold what has gone.
     """
 
     pixels: np.ndarray
@@ -91,7 +90,7 @@ def moving_pixels(
     contrast: float,
     shadow: Shadow | None,
 ) -> Moving:
-    """Gather the colours of inner foreground pixels.
+    """Gather the colours of inner pixels of what has changed.
 
     Args:
         samples: Frames of the clip.
@@ -127,12 +126,9 @@ def moving_pixels(
         moving, absent = ((marks == kind).view(np.uint8) for kind in (MOVING, ABSENT))
         core, absent = (cv2.erode(mask, np.ones((3, 3), np.uint8)) for mask in (moving, absent))
         inner = core if cv2.countNonZero(core) >= LEAST_CORE else moving
-        step = max(1, cv2.countNonZero(inner) // PICKED)
-        (y, x), gone = (_some(mask, step) for mask in (inner, absent))
-        blank = 2 - len(tint)
-        back = [behind.luma, *behind.chroma]
-        table = [*_at([luma, *tint], y, x, blank), *_at(back, y, x, blank), np.full(len(y), number)]
-        return Moving(np.column_stack(table), np.column_stack(_at(back, *gone, blank)))
+        step = max(1, max(cv2.countNonZero(mask) for mask in (inner, absent)) // PICKED)
+        shown, usual = [luma, *tint], [behind.luma, *behind.chroma]
+        return Moving(*(_table(shown, usual, *_some(mask, step), number) for mask in (inner, absent)))
 
     rows = range(0, len(samples), spacing(len(samples), PICKED_FRAMES))
     most = max(1, PIXELS_AT_ONCE // background.luma.size)
@@ -149,9 +145,16 @@ def _some(mask: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
     return y, x
 
 
-def _at(planes: Sequence[np.ndarray], y: np.ndarray, x: np.ndarray, blank: int) -> list[np.ndarray]:
-    """Return what planes show at some pixels, and 0 for planes that are not there, (pixel,) each."""
-    return [plane[y, x].astype(np.float64) for plane in planes] + [np.zeros(len(y))] * blank
+def _table(
+    shown: Sequence[np.ndarray], usual: Sequence[np.ndarray], y: np.ndarray, x: np.ndarray, frame: int
+) -> np.ndarray:
+    """Return some pixels of one or three planes of a frame and of its background, (pixel, column)."""
+    found = np.zeros((len(y), FRAME + 1))
+    found[:, FRAME] = frame
+    for columns, planes in ((SHOWN, shown), (BEHIND, usual)):
+        for channel, plane in zip(found[:, columns].T, planes, strict=False):
+            channel[:] = plane[y, x]
+    return found
 
 
 def _scenery(background: Background, around: np.ndarray, grey_only: bool, window: Window) -> Scenery:

@@ -39,9 +39,9 @@ RARE = 0.12
 """Share of the moving pixels below which a cluster is no colour of the mechanism."""
 LEAST_PIXELS = 50
 """Moving pixels below which nothing moves, and pixels of a part of it in the background."""
-SHOWN_AGAIN = 0.5
-"""Moving pixels of a colour over those at which the background has it and a frame does not, from which it
-is the mechanism's: what stands in the background shows elsewhere once it moves, a pattern of it does not."""
+BALANCED = 0.5
+"""Pixels of a colour that are gone from the background and those that show elsewhere, the fewer over the
+more of each frame, from which it is the mechanism's: what moves shows where it has gone, a wall does not."""
 
 
 class MovingColours(NamedTuple):
@@ -55,7 +55,7 @@ class MovingColours(NamedTuple):
         contrast: Least difference of a pixel that has changed [grey levels].
         shadow: Its shadow, which does not count; None without one.
         around: What is around all that moves, grey level and colours, each float32 (row, column), reduced.
-        behind: Further colours of it, that show in the background more than in front of it, (colour, 3).
+        resting: Further colours of it, of parts that the background holds for the most part, (colour, 3).
     """
 
     colours: np.ndarray
@@ -64,7 +64,7 @@ class MovingColours(NamedTuple):
     contrast: float
     shadow: Shadow | None
     around: list[np.ndarray]
-    behind: np.ndarray
+    resting: np.ndarray
 
 
 def moving_colours(
@@ -102,8 +102,8 @@ def moving_colours(
     if len(ways) > 1 and _grey_suffices(pixels, colours, contrast):
         grey_only, colours = True, found[1]
     varied = _is_varied(pixels, colours, grey_only)
-    behind = _behind(shown, absent, colours, grey_only, contrast)
-    return MovingColours(colours, grey_only, varied, contrast, shadow, around, behind)
+    resting = _resting(pixels, absent, colours, grey_only, contrast)
+    return MovingColours(colours, grey_only, varied, contrast, shadow, around, resting)
 
 
 def lingering(samples: Sequence[Frame], background: Background, found: MovingColours) -> Covered | None:
@@ -120,7 +120,7 @@ def lingering(samples: Sequence[Frame], background: Background, found: MovingCol
     shape, near = background.luma.shape, NEAR_COLOUR * found.contrast
     # what is not of its grey level need not be looked at, nor most of the other pictures
     suspect = np.zeros(shape, dtype=np.bool_)
-    colours = np.concatenate((found.colours, found.behind)).astype(np.float32)
+    colours = np.concatenate((found.colours, found.resting)).astype(np.float32)
     for grey in colours[:, 0]:
         suspect |= np.abs(background.luma - grey) < near
     rows, columns = np.divmod(np.flatnonzero(suspect), shape[1])
@@ -161,8 +161,8 @@ def _is_varied(pixels: np.ndarray, colours: np.ndarray, grey_only: bool) -> bool
     return float(np.percentile(shares, 20.0)) > VARIED_SHARE
 
 
-def _behind(
-    shown: np.ndarray, absent: np.ndarray, colours: np.ndarray, grey_only: bool, contrast: float
+def _resting(
+    pixels: np.ndarray, absent: np.ndarray, colours: np.ndarray, grey_only: bool, contrast: float
 ) -> np.ndarray:
     """Return colours of what moves, beside the main ones, of which the background holds a part, (colour, 3).
 
@@ -171,27 +171,32 @@ def _behind(
     """
     used = [0] if grey_only else [0, 1, 2]
 
-    def near(pixels: np.ndarray, colour: np.ndarray) -> np.ndarray:
-        """Return which pixels are near a colour, bool (pixel,)."""
-        return np.linalg.norm(pixels[:, used] - colour[used], axis=1) < NEAR_COLOUR * contrast
+    def near(values: np.ndarray, colour: np.ndarray, reach: float) -> np.ndarray:
+        """Return which of some colours are near one, bool (pixel,)."""
+        return np.linalg.norm(values[:, used] - colour[used], axis=1) < reach * contrast
 
+    # where the frame shows a main colour nothing is absent: it stands before a pattern of the wall
     for colour in colours:
-        absent = absent[~near(absent, colour)]
+        main = near(absent[:, SHOWN], colour, NEAR_COLOUR) | near(absent[:, BEHIND], colour, NEAR_COLOUR)
+        absent = absent[~main]
     if len(absent) < LEAST_PIXELS:
         return np.zeros((0, 3))
-    found = [
-        colour
-        for colour in _clusters(absent, grey_only, contrast)
-        if np.count_nonzero(near(shown, colour)) >= SHOWN_AGAIN * np.count_nonzero(near(absent, colour))
-    ]
+    frames, found = 1 + int(max(pixels[:, FRAME].max(), absent[:, FRAME].max())), []
+    for colour in _clusters(absent[:, BEHIND], grey_only, contrast):
+        again, gone = (
+            np.bincount(some[near(some[:, columns], colour, 1.0), FRAME].astype(int), minlength=frames)
+            for some, columns in ((pixels, SHOWN), (absent, BEHIND))
+        )
+        if np.minimum(again, gone).sum() >= BALANCED * np.maximum(again, gone).sum():
+            found.append(colour)
     return np.array(found).reshape(-1, 3)
 
 
-def _clusters(shown: np.ndarray, grey_only: bool, contrast: float) -> np.ndarray:
+def _clusters(some: np.ndarray, grey_only: bool, contrast: float) -> np.ndarray:
     """Return the main colours (colour, 3) by k-means, near ones merged, rare ones dropped."""
     import cv2
 
-    values = shown.astype(np.float32)
+    values = some.astype(np.float32)
     if grey_only:
         values[:, 1:] = 0.0
     if float(values.std(axis=0).max()) < 1.0:
