@@ -116,6 +116,25 @@ def nothing_determines(found):
     return onto @ onto.T
 
 
+def test_information_that_rounding_has_lost_is_refused_and_none_is_open(started, rows):
+    window = window_of(identify(rows, started, IdentifySettings(torque="friction")), started, rows[:20])
+    unknowns, rng = window.problem.unknowns, np.random.default_rng(4)
+    count = len(unknowns)
+    slopes = rng.normal(size=(60, count + 4))
+    # nothing depends on the first one
+    slopes[:, 0] = 0.0
+    information = slopes.T @ slopes
+    covariance, blind = covariance_of(unknowns, information)
+    known = np.linalg.inv(information[1:, 1:])
+    np.testing.assert_allclose(covariance[1:, 1:], known, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(np.abs(blind), np.eye(count)[:, :1], atol=1e-9)
+    # less than what the state takes away of it: of the difference of two large numbers no digit is left
+    lost, cross = information.copy(), information[1, count:]
+    lost[1, 1] = 0.999 * cross @ np.linalg.solve(information[count:, count:], cross)
+    with pytest.raises(np.linalg.LinAlgError, match="rounding"):
+        covariance_of(unknowns, lost)
+
+
 def test_the_state_ahead_moves_as_its_derivatives_say(started, rows):
     free = started.with_choices(fix={"link1.length": 0.4}, free=["time_scale"])
     fit = identify(rows, free, IdentifySettings(torque="friction"))

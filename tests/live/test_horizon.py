@@ -17,6 +17,7 @@ from monodyn.live.horizon import Horizon, _inverses, horizon_of
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import load
 from monodyn.stages import identify
+from support import refuses
 from swings import double_truth, motion, record
 
 FIXED = {"link1.thickness": 0.006, "link1.width": 0.02, "link2.width": 0.02}
@@ -65,7 +66,11 @@ def test_a_stretch_that_no_single_motion_explains_begins_no_window() -> None:
     other = record(truth, times, motion(truth, times, [0.9, -0.4], [2.0, 1.0]))
     position = np.where(np.arange(BEGUN)[:, None] < BEGUN // 2, rows.position, other.position)
     pushed = replace(rows, position=position)
-    with pytest.raises(FitError, match="expected residuals like the fit's"):
+    with refuses(
+        FitError,
+        "horizon: expected rows that one motion follows from its first state on, got such as the fit "
+        "follows piece by piece; begin with fewer.",
+    ):
         Horizon(fit, started, pushed, window=1.5, ahead=0.5)
     assert horizon_of(fit, started, pushed, LiveSettings()) is None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -12,8 +13,9 @@ import pytest
 
 from fits import identified
 from lives import double
+from monodyn.estimation.fit import Doubt
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.live.identifier import Cut, Identifier
+from monodyn.live.identifier import Cut, Identifier, Reviewed
 from monodyn.live.record import Record, joined
 from monodyn.live.settings import LiveSettings
 from monodyn.types import Poses
@@ -227,3 +229,25 @@ def test_verdict_and_status_are_those_of_the_fit_that_the_estimate_rests_on(begu
     identifier.estimate = estimate
     identifier.fit = double()
     assert identifier.base is before
+
+
+@pytest.mark.parametrize(
+    ("grade", "torque", "why"),
+    [
+        ("refused", "friction", "It is another mechanism."),
+        ("trusted", "free", "a torque over time acts in it."),
+        # held upright, say: the model holds, only that its motion cannot be followed for as long
+        ("trusted", "known", ""),
+    ],
+)
+def test_a_stretch_from_which_nothing_goes_on_is_a_doubt_where_its_model_does_not_hold(
+    begun, grade, torque, why
+):
+    identifier, doubts = begun(), list[str]()
+    going_on: Any = SimpleNamespace(doubted=lambda why: doubts.append(why) or going_on)
+    identifier._horizon = going_on
+    fit = replace(identified(), torque=torque)
+    fit = fit if grade == "trusted" else fit.doubted([Doubt(grade, why)])
+    identifier._take_up(Reviewed(fit, None, 3.0))
+    assert identifier._horizon is going_on
+    assert doubts == ([why] if why else [])

@@ -156,7 +156,7 @@ class Begun(NamedTuple):
         found: Scene, poses and fit.
         tracker: Follows from the last frame on.
         later: Poses of what came while the mechanism was looked for; None for nothing.
-        horizon: What goes on from the fit; None where that cannot be used.
+        horizon: What goes on from the fit; None where nothing does.
         estimate: What was identified with these poses; None without any.
         count: How many of the frames that were watched have been followed.
     """

@@ -123,6 +123,6 @@ class Estimate:
             starts=(Start(float(self.time[0]), position, velocity, own),), covariance=self.covariance,
             residual=(residual,), time=(self.time,), scale=self.found.scale,
             rms=dict(zip((joint.name for joint in mechanism.joints), rms, strict=True)),
-            common=(), unmodelled=None if self.base.unmodelled is None else self.base.unmodelled,
+            common=(),
         )  # fmt: skip
         return fit.doubted([Doubt("refused", self.astray)]) if self.astray else fit

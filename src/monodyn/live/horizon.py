@@ -58,8 +58,11 @@ LONGEST_GAP = 1.0
 GROWN = 30.0
 """How much an error may grow within the window: what nobody sees pushes a mechanism, and a motion beside an
 equilibrium that does not hold itself cannot be followed for long without."""
-EXPLAINED = 3.0
-"""Typical residual over that of the fit, or the noise, up to which a stretch is followed as one motion."""
+EXPLAINED, MOST_ROWS = 3.0, 0.9
+"""Residual over that of the fit, or over the noise, up to which a stretch is followed as one motion; and the
+share of its rows that have no larger one."""
+MOST_GROWN = 1e6
+"""How much an error may grow over rows that begin a window: its square leaves four digits of the rest."""
 SURE = 1e10
 """Size of a matrix times that of its inverse up to which rounding leaves the latter as it is."""
 AT_ONCE = 0.25
@@ -271,7 +274,8 @@ class Horizon:
 def horizon_of(
     fit: Fit, mechanism: Mechanism, poses: Poses, live: LiveSettings, acting: Acting = lambda *_: None
 ) -> Horizon | None:
-    """Return what goes on from a fit; None where it cannot be used, or has a torque over time.
+    """Return what goes on from a fit; None where it cannot be used, has a torque over time, or is of a motion
+    that is only followed piece by piece, as where it is held upright.
 
     Args:
         fit: The fit.
@@ -284,7 +288,7 @@ def horizon_of(
         return None
     try:
         return Horizon(fit, mechanism, poses, window=live.window, ahead=live.ahead, acting=acting)
-    except MonodynError:
+    except (MonodynError, np.linalg.LinAlgError):
         return None
 
 
@@ -312,14 +316,18 @@ def _off(found: Refitted) -> float:
 
 def _check_followed(fit: Fit, found: Refitted) -> None:
     """Refuse a window over all rows of a fit that does not follow them as the fit does."""
-    noise = np.nanmean(found.window.problem.data.std, axis=0) * found.unit
-    usual, off = (
-        np.nanmedian(np.abs(rows), axis=0) for rows in (fit.residual[0], found.residual * found.unit)
+    data = found.window.problem.data
+    lost = data.measured & np.isnan(found.residual)
+    off, usual = (
+        np.nanquantile(np.abs(rows), MOST_ROWS, axis=0)
+        for rows in (np.where(lost, np.inf, found.residual * found.unit), fit.residual[0])
     )
-    if not np.all(off <= EXPLAINED * np.maximum(usual, noise)):
+    noise = np.nanmean(data.std, axis=0) * found.unit
+    follows = np.all(off <= EXPLAINED * np.maximum(usual, noise))
+    if not follows or np.abs(found.motion[1][:, :, len(found.x) :]).max() > MOST_GROWN:
         raise FitError(
-            f"horizon: expected residuals like the fit's, {usual.tolist()}, from one state on, got "
-            f"{off.tolist()}; begin with a shorter stretch."
+            "horizon: expected rows that one motion follows from its first state on, got such as the fit "
+            "follows piece by piece; begin with fewer."
         )
 
 

@@ -52,7 +52,7 @@ class Reviewed(NamedTuple):
 
     Attributes:
         fit: The fit.
-        horizon: What goes on from it; None where the fit cannot be used.
+        horizon: What goes on from it; None where nothing does.
         until: Time of its last row [s].
     """
 
@@ -232,8 +232,11 @@ class Identifier:
         length = done.until - self.cut.time
         self._next = done.until + min((GROWTH - 1.0) * length, self._live.review)
         if done.horizon is None and self._horizon is not None:
-            # what follows every frame goes on, though not undoubted
-            self._horizon = self._horizon.doubted(done.fit.status)
+            # what follows every frame goes on; undoubted where the model holds, and only its motion grows
+            if not done.fit.ok:
+                self._horizon = self._horizon.doubted(done.fit.status)
+            elif done.fit.torque not in ("friction", "known"):
+                self._horizon = self._horizon.doubted("a torque over time acts in it.")
             return
         self.fit, self._horizon = done.fit, done.horizon
         # what came while it was looked at is still to be taken

@@ -23,6 +23,8 @@ BLIND = 1e-6
 """Singular values below this share of the largest count as zero; derivatives are exact to about 1e-8."""
 SAME = 1e-3
 """Share by which two sizes of the noise differ that are about the same."""
+ROUNDING = 1e-13
+"""Share of a number that is lost at most where it is the difference of two that are about the same."""
 HALVINGS = 40
 """Steps of the bisection for a factor of the noise."""
 LOADED = 1e-3
@@ -118,6 +120,9 @@ def covariance_of(unknowns: Unknowns, information: np.ndarray) -> tuple[np.ndarr
     Returns:
         Covariance of both, (unknown, unknown), as ``Knowledge.full``, and a basis of the directions that are
         open and left out of it, but for what rounding hides in squares, (param, direction).
+
+    Raises:
+        LinAlgError: Rounding in what is known of the state is more than what is known of the unknowns.
     """
     count = len(unknowns)
     states, cross = information[count:, count:], information[count:, :count]
@@ -127,7 +132,14 @@ def covariance_of(unknowns: Unknowns, information: np.ndarray) -> tuple[np.ndarr
     )
     gain = inverse @ cross
     left = information[:count, :count] - cross.T @ gain
-    size = np.sqrt(np.maximum(np.diag(left), 1e-300))
+    alone = np.diag(left)
+    if np.any(alone < -ROUNDING * np.diag(information)[:count]):
+        raise np.linalg.LinAlgError(
+            "what is known of the unknowns is less than rounding in what the state is"
+        )
+    seen = alone > 0.0
+    left = np.where(np.outer(seen, seen), left, 0.0)
+    size = np.sqrt(np.where(seen, alone, 1.0))
     values, vectors = np.linalg.eigh(left / np.outer(size, size))
     covariance, blind = _split(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size, unknowns)
     nothing = np.zeros((count, 0))
