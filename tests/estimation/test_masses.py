@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import monodyn
+from monodyn.results.models import what_is_known
 from swings import motion, record
 
 
@@ -75,7 +76,41 @@ def test_a_given_mass_beside_free_ones_determines_no_scale() -> None:
     assert fit.mass_scale is None
     noted = monodyn.linearize(fit, {"joint1": -np.pi / 2}, actuated=["slide"]).notes
     assert "known up to one factor" in noted[0]
+    assert (
+        "Only ratios show: masses, inertias, frictions, springs and torques are known up to one common "
+        "factor, that of the file that the run began with. A known torque makes them absolute; that "
+        "cart.mass was given does not." in what_is_known(fit)
+    )
     known = monodyn.identify(
         record(file, times, position, noise=1e-4), file.with_choices(fix={"link1.mass": 0.1})
     )
     assert known.mass_scale == "given"
+
+
+TWO = """<mujoco><option gravity="0 0 -9.81"/><default><joint axis="0 -1 0" damping="0.001"/>
+  <geom type="box" density="2700" size="0.1075 0.003 0.015" pos="0.0925 0 0"/></default><worldbody>
+  <body name="a"><joint name="ja"/><geom/></body>
+  <body name="b" pos="0.5 0 0"><joint name="jb"/><geom/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("file", "fix", "free"),
+    [
+        # of two that hang side by side one is weighed: what torques do to it is known
+        (TWO, {"a.mass": 0.05}, []),
+        # a length, which follows from gravity, lacks; the mass does not
+        ("single", {"link1.mass": 0.05, "link1.density": 2700.0}, ["gravity"]),
+    ],
+    ids=["two", "gravity"],
+)
+def test_what_else_is_open_is_no_scale_of_masses(tmp_path, file, fix, free) -> None:
+    if file.startswith("<"):
+        (tmp_path / "two.xml").write_text(file)
+        file = tmp_path / "two.xml"
+    times, start = np.arange(75) / 30.0, monodyn.load(file).with_choices(fix=fix, free=free)
+    dofs = len(start.joints)
+    position = motion(start, times, [-0.9, 0.6][:dofs], [0.0] * dofs)
+    fit = monodyn.identify(record(start, times, position, noise=1e-4), start)
+    assert any(np.isinf(p.std) for p in fit.parameters)
+    assert fit.mass_scale == "given"

@@ -19,9 +19,12 @@ RATES = 5.0
 """Standard deviation of their rates [rad/s], and of the rates of slides in tenths of it [m/s]."""
 SEEN = 1e-7
 """Directions along which accelerations change less than this share of the most leave them as they are."""
-HIDDEN, DOES = 1e-3, 0.05
-"""Share of the most by which accelerations change along a direction that free motions hardly show, and by
-which what torques do changes where it is open."""
+HEAVY = (*MASS_KINDS, "com_x", "com_y")
+"""Kinds of what may be another with the scale of the masses; sizes are known otherwise, or not at all."""
+HIDDEN = 1e-3
+"""Share of the most by which accelerations change along a direction that free motions hardly show."""
+DIVIDED = 0.05
+"""Share of what torques do that is left by a change along such directions which is one by a factor."""
 
 
 def mass_scale(
@@ -53,7 +56,8 @@ def mass_scale(
     if not found and not any(p.name in told for p in heavy):
         return None
     # what free bodies move together may be known, and a mass among them given, without any scale
-    lost = [k for k, name in enumerate(estimated) if np.isinf(std[name])]
+    kinds = {p.name: p.kind for p in mechanism.parameters}
+    lost = [k for k, name in enumerate(estimated) if np.isinf(std[name]) and kinds[name] in HEAVY]
     return None if lost and _open(mechanism, lost, estimated, directions()) else "given"
 
 
@@ -84,7 +88,7 @@ def various_states(mechanism: Mechanism) -> np.ndarray:
 def _open(
     mechanism: Mechanism, lost: Sequence[int], estimated: Sequence[str], directions: Directions
 ) -> bool:
-    """Return whether what is lost may change what torques do, and leave free motions as they are."""
+    """Return whether what is lost may change all that torques do by one factor, and no free motion."""
     from monodyn.mechanism.simulate import acceleration_derivatives
 
     q, v, tau = various_states(mechanism)
@@ -94,10 +98,16 @@ def _open(
     )
     values = np.abs([mechanism.values[estimated[k]] for k in lost])
     unit = np.where(values > 0.0, values, 1.0)
-    moved = [
-        by[:, :, lost] * unit / (np.sqrt(np.mean(rows**2, axis=0)) + 1e-12)[:, None]
-        for rows, by in ((free, by_free), (pushed - free, by_pushed - by_free))
-    ]
-    _, seen, along = np.linalg.svd(moved[0].reshape(-1, len(lost)), full_matrices=False)
-    change = moved[1].reshape(-1, len(lost)) @ along[seen <= HIDDEN * seen[0]].T
-    return bool(np.any(np.sqrt(np.mean(change**2, axis=0)) > DOES))
+
+    def relative(rows: np.ndarray, by: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return accelerations (row,) and derivatives (row, lost) in units of their usual size by joint."""
+        size = np.sqrt(np.mean(rows**2, axis=0)) + 1e-12
+        return (rows / size).ravel(), (by[:, :, lost] * unit / size[:, None]).reshape(-1, len(lost))
+
+    _, shown = relative(free, by_free)
+    does, change = relative(pushed - free, by_pushed - by_free)
+    _, seen, along = np.linalg.svd(shown, full_matrices=False)
+    change = change @ along[seen <= HIDDEN * seen[0]].T
+    # one factor on all masses divides all that torques do by it
+    by = np.linalg.lstsq(change, does, rcond=HIDDEN)[0]
+    return bool(np.linalg.norm(change @ by - does) < DIVIDED * np.linalg.norm(does))

@@ -142,16 +142,19 @@ def what_is_known(fit: Fit) -> list[str]:
 def _mass_scale_said(fit: Fit) -> str:
     """Return a sentence on what determines masses themselves."""
     absolute = "masses, inertias, frictions, springs and torques"
-    scale = fit.mass_scale
+    scale, given = fit.mass_scale, given_scale(fit.mechanism)
     if scale == "torques":
         return f"Known torques determine {absolute}: they are in SI units."
+    were = f"{listed(given)} {'was' if len(given) == 1 else 'were'} given" if given else OF_THE_FILE
     if scale == "given":
-        given = given_scale(fit.mechanism)
-        what = f"{listed(given)} {'was' if len(given) == 1 else 'were'} given" if given else OF_THE_FILE
-        return f"{absolute.capitalize()} are in SI units, as exactly as {what}."
+        return f"{absolute.capitalize()} are in SI units, as exactly as {were}."
+    makes = "A known torque or one measured mass makes them absolute."
+    if given:
+        # beside bodies that may weigh anything
+        makes = f"A known torque makes them absolute; that {were} does not."
     return (
         f"Only ratios show: {absolute} are known up to one common factor, that of the file that the run "
-        "began with. A known torque or one measured mass makes them absolute."
+        f"began with. {makes}"
     )
 
 
