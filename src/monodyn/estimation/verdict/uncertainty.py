@@ -122,7 +122,8 @@ def covariance_of(unknowns: Unknowns, information: np.ndarray) -> tuple[np.ndarr
         open and left out of it, but for what rounding hides in squares, (param, direction).
 
     Raises:
-        LinAlgError: Rounding in what is known of the state is more than what is known of the unknowns.
+        ValueError: Rounding in what is known of the state is more than what is known of the unknowns (numpy's
+            ``LinAlgError``).
     """
     count = len(unknowns)
     states, cross = information[count:, count:], information[count:, :count]

@@ -41,11 +41,12 @@ AROUND_PX = 90
 
 class Moving(NamedTuple):
     """Pixels that have changed: their colours, those of their backgrounds and the frames' numbers, in the
-    columns named above, (pixel, column); of each frame every so many, of both kinds alike.
+    columns named above; of each frame every so many, of both kinds alike.
 
     Attributes:
-        pixels: Those that show what moves.
-        absent: Those that are more like what is around than the background is, which may hold what has gone.
+        pixels: Those that show what moves, (pixel, column).
+        absent: Those that are more like what is around than the background is, which may hold what has gone,
+            (pixel, column).
     """
 
     pixels: np.ndarray
