@@ -242,7 +242,7 @@ class Horizon:
         """Return what is known at the optimum; None where the motion grows beyond all bounds."""
         try:
             covariance, future = _natural(found), self._future(found)
-        except np.linalg.LinAlgError:
+        except (ArithmeticError, np.linalg.LinAlgError):
             return None
         if not (np.isfinite(covariance).all() and np.isfinite(future.position).all()):
             return None
@@ -288,7 +288,7 @@ def horizon_of(
         return None
     try:
         return Horizon(fit, mechanism, poses, window=live.window, ahead=live.ahead, acting=acting)
-    except (MonodynError, np.linalg.LinAlgError):
+    except (MonodynError, ArithmeticError, np.linalg.LinAlgError):
         return None
 
 

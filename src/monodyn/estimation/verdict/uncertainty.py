@@ -122,8 +122,7 @@ def covariance_of(unknowns: Unknowns, information: np.ndarray) -> tuple[np.ndarr
         open and left out of it, but for what rounding hides in squares, (param, direction).
 
     Raises:
-        ValueError: Rounding in what is known of the state is more than what is known of the unknowns (numpy's
-            ``LinAlgError``).
+        ArithmeticError: Rounding in what is known of the state is more than what is known of the unknowns.
     """
     count = len(unknowns)
     states, cross = information[count:, count:], information[count:, :count]
