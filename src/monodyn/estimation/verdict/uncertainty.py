@@ -134,9 +134,7 @@ def covariance_of(unknowns: Unknowns, information: np.ndarray) -> tuple[np.ndarr
     left = information[:count, :count] - cross.T @ gain
     alone = np.diag(left)
     if np.any(alone < -ROUNDING * np.diag(information)[:count]):
-        raise np.linalg.LinAlgError(
-            "what is known of the unknowns is less than rounding in what the state is"
-        )
+        raise ArithmeticError("what is known of the unknowns is less than rounding in what the state is")
     seen = alone > 0.0
     left = np.where(np.outer(seen, seen), left, 0.0)
     size = np.sqrt(np.where(seen, alone, 1.0))
