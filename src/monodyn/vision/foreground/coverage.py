@@ -91,11 +91,14 @@ def _cover(
 ) -> None:
     """Fill stretches of the planes, (row, column), as far as they lie in a window."""
     colours = palette.colours.astype(np.float32)
-    chroma = dimmed = NOTHING
+    chroma = dimmed = taken = NOTHING
+    other = np.full(len(colours), -1) if palette.other is None else palette.other
     if not (palette.grey_only or frame.chroma is None or background.chroma is None):
         dimmed = palette.dimmed[0] if palette.dimmed is not None else NOTHING
+        taken = NOTHING if palette.taken is None else palette.taken
         chroma = _chroma_part(frame.chroma, background, palette, window)
-    _project(frame.luma, chroma, background.luma, colours, dimmed, palette.scale, window, rows, planes)
+    ways = (palette.scale, taken, other)
+    _project(frame.luma, chroma, background.luma, colours, dimmed, ways, window, rows, planes)
     high, wide = slice(window.top, window.bottom), slice(window.left, window.right)
     if palette.any_difference:
         _any_difference(frame, background, palette, window, rows, planes[-1])
@@ -232,7 +235,7 @@ def _project(
     background: np.ndarray,
     colours: np.ndarray,
     dimmed: np.ndarray,
-    scale: np.ndarray,
+    ways: tuple[np.ndarray, np.ndarray, np.ndarray],
     window: Window,
     rows: np.ndarray,
     out: np.ndarray,
@@ -241,9 +244,10 @@ def _project(
     each colour.
 
     ``chroma``, the part of the colours in the window, has length 0 when grey alone counts, and ``dimmed``,
-    how much of each colour is taken out, where light is even; ``scale`` is ``FULL`` over the squared
-    contrast.
+    how much of each colour is taken out, where light is even; of ``ways``, scale, taken and other of a
+    `Palette`, the second does where no colour is taken out of another.
     """
+    scale, taken, other = ways
     # Rows are cut out, and the cases are separate loops without a branch: so they use vector registers.
     for i in range(rows.shape[0]):
         y, left, right = _stretch(rows[i], window)
@@ -262,6 +266,26 @@ def _project(
                     covered[x] = _level((np.float32(shown[x]) - b) * (target - b) * gain[x])
                 continue
             tint = chroma[k, y - window.top][left - window.left : right - window.left]
+            if taken.shape[0] > 0 and other[k] >= 0:
+                j = other[k]
+                second, less = colours[j, GREY], taken[k, y][left:right]
+                second_light = second - np.float32(BLACK[GREY])
+                second_tint = chroma[j, y - window.top][left - window.left : right - window.left]
+                if dimmed.shape[0] == 0:
+                    for x in range(right - left):
+                        b = behind[x]
+                        off = np.float32(shown[x]) - b
+                        own, its = off * (target - b) + tint[x], off * (second - b) + second_tint[x]
+                        covered[x] = _level(own * gain[x] - its * less[x])
+                    continue
+                share, second_share = dimmed[k, y][left:right], dimmed[j, y][left:right]
+                for x in range(right - left):
+                    b = behind[x]
+                    off = np.float32(shown[x]) - b
+                    own = off * (target - b - share[x] * light) + tint[x]
+                    its = off * (second - b - second_share[x] * second_light) + second_tint[x]
+                    covered[x] = _level(own * gain[x] - its * less[x])
+                continue
             if dimmed.shape[0] == 0:
                 for x in range(right - left):
                     b = behind[x]

@@ -41,6 +41,9 @@ VARIED_TRUST = 0.1
 """Trust of a pixel that differs from the background but has none of the mechanism's colours."""
 APART = 0.1
 """Coverage by a geom's colour that another geom shows, up to which edges of the first show before it."""
+UNMIXED, UNMIXED_SHARE = 0.3, 0.9
+"""What is left of the squared contrast of a colour without what another one has of it, from which that is
+taken out; and share of the pixels where as much is left."""
 THINNED = 8
 """Every so many pixels along a side tell it."""
 AT_ONCE = 50_000
@@ -69,6 +72,9 @@ class Palette:
         dimmed: How much of each colour is taken out of its difference from the background, because more or
             less light would do the same: at full size and at that of the chroma, float32 (colour, height,
             width) each; None where light is even or grey alone counts.
+        other: Colour that is taken out of the coverage by each, -1 for none, int64 (colour,); None for all.
+        taken: How much of the other's product with the difference is taken out, float32 (colour, height,
+            width), or None.
     """
 
     colours: np.ndarray
@@ -82,6 +88,8 @@ class Palette:
     contrast: float = MOST_CONTRAST
     shadow: Shadow | None = None
     dimmed: tuple[np.ndarray, np.ndarray] | None = None
+    other: np.ndarray | None = None
+    taken: np.ndarray | None = None
 
     def view(self, geoms: int) -> View:
         """Return how the planes are to be read; before the colours are measured, one plane for all geoms.
@@ -142,42 +150,68 @@ def measured_palette(palette: Palette, background: Background, measured: GeomCol
     # the plane of any difference comes after those of the colours
     part = np.where(measured.part == VARIED, len(measured.colours), measured.part)
     part = np.where(measured.part == NOT_SHOWN, LEFT_OUT, part)
+    order = None if measured.order is None else np.array(measured.order)
+    other = np.full(len(measured.colours), -1) if order is None else _shown(order, part, found, background)
+    if np.any(other >= 0):
+        found = _palette(
+            measured.colours, background, palette.grey_only, any_trust, measured.light, other=other
+        )
     return replace(
         found,
         varied=varied,
         part=part,
         shaded=measured.shaded,
-        order=None if measured.order is None else _shown_order(measured, part, found, background),
+        order=order,
         contrast=palette.contrast,
         shadow=palette.shadow,
     )
 
 
-def _shown_order(
-    measured: GeomColours, part: np.ndarray, palette: Palette, background: Background
-) -> np.ndarray:
-    """Return which geoms lie in front of which, int8 (geom, geom), and show their edges there.
+def _shown(order: np.ndarray, part: np.ndarray, palette: Palette, background: Background) -> np.ndarray:
+    """Return which colour has to be taken out of each, -1 for none, int64 (colour,), so that geoms show their
+    edges before those they lie in front of; ``order`` keeps those that do so then, int8 (geom, geom).
 
     Where another colour lies behind an edge in place of the background, its coverage by the edge's own colour
-    has to be none, neither more nor less, or the edge would seem to lie elsewhere.
+    has to be none, neither more nor less, or the edge would seem to lie elsewhere. What a pair of colours has
+    of one another can be taken out, unless they differ from the background in the same way.
     """
-    order = np.array(measured.order)
+    other = np.full(len(palette.colours), -1)
     thin = (slice(None, None, THINNED), slice(None, None, THINNED))
     behind = [background.luma[thin]]
     if not palette.grey_only and background.chroma is not None:
         behind += [_resized(plane, behind[0].shape[::-1]) for plane in background.chroma]
     for front, back in np.argwhere(order == FRONT):
-        own, other = palette.colours[part[front]], palette.colours[part[back]]
-        gain = palette.scale[part[front]][thin] / FULL
-        dimmed = 0.0 if palette.dimmed is None else palette.dimmed[0][part[front]][thin]
-        level = np.zeros_like(gain)
-        for k, plane in enumerate(behind):
-            full = own[k] - plane - dimmed * (own[k] - BLACK[k])
-            level += _WEIGHTS[k] * (other[k] - plane) * full * gain
-        seen = gain > 0.0
-        if not seen.any() or np.mean(np.abs(level[seen])) > APART:
+        pair = part[front], part[back]
+        gains = [palette.scale[k][thin] / FULL for k in pair]
+        dimmed = [0.0 if palette.dimmed is None else palette.dimmed[0][k][thin] for k in pair]
+        one, two = (palette.colours[k] for k in pair)
+        level, back_level = (
+            _shared(behind, colour, shown, share) * gain
+            for colour, shown, share, gain in (
+                (one, two, dimmed[0], gains[0]),
+                (two, one, dimmed[1], gains[1]),
+            )
+        )
+        seen = (gains[0] > 0.0) & (gains[1] > 0.0)
+        if seen.any() and np.mean(np.abs(level[seen])) <= APART:
+            continue
+        alone = all(other[k] in (-1, j) for k, j in (pair, pair[::-1]))
+        left = 1.0 - level[seen] * back_level[seen]
+        if alone and seen.any() and np.mean(left > UNMIXED) > UNMIXED_SHARE:
+            other[pair[0]], other[pair[1]] = pair[1], pair[0]
+        else:
             order[front, back] = 0
-    return order
+    return other
+
+
+def _shared(
+    behind: Sequence[np.ndarray], colour: np.ndarray, shown: np.ndarray, dimmed: np.ndarray | float
+) -> np.ndarray:
+    """Return the weighted product of a colour that is shown with what another counts by, (row, column)."""
+    product = np.zeros(behind[0].shape, np.float32)
+    for k, (weight, plane) in enumerate(zip(_WEIGHTS.tolist(), behind, strict=False)):
+        product += weight * (shown[k] - plane) * (colour[k] - plane - dimmed * (colour[k] - BLACK[k]))
+    return product
 
 
 def _palette(
@@ -186,11 +220,16 @@ def _palette(
     grey_only: bool,
     any_trust: float | None,
     light: np.ndarray | None = None,
+    *,
+    other: np.ndarray | None = None,
 ) -> Palette:
     """Compute each pixel's contrast with every colour, zero where the noise hides it.
 
     With ``light``, the standard deviation of the light on each colour, light counts as noise does;
-    ``any_trust`` is the trust in a last plane of any difference, None for no such plane.
+    ``any_trust`` is the trust in a last plane of any difference, None for no such plane. With ``other``, the
+    colour that is taken out of each, -1 for none, a pixel that shows that one alone is not covered: of the
+    coverages c by both, and the level l that each has where the other covers a pixel, that leaves
+    (c_1 - l_1 c_2) / (1 - l_1 l_2).
     """
     planes = full_size(background.luma, None if grey_only else background.chroma)
     shape, dimmed = (len(colours), *background.luma.shape), None
@@ -198,7 +237,7 @@ def _palette(
         small = [_resized(background.luma, background.chroma[0].shape[::-1]), *background.chroma]
         dimmed = np.empty(shape, np.float32), _dimming(small, colours, light, background.noise)
     noise = background.pixel_noise
-    scale = np.empty(shape, np.float32)
+    scale, taken = np.empty(shape, np.float32), None if other is None else np.zeros(shape, np.float32)
     trust = np.empty((shape[0] + (any_trust is not None), *shape[1:]), np.float32)
     step = max(1, AT_ONCE // shape[2])
 
@@ -207,12 +246,26 @@ def _palette(
         rows = slice(first, first + step)
         part = [plane[rows] for plane in planes]
         full = strength = _contrast(part, colours)
+        whole = np.zeros(len(colours), np.float32)
         if light is not None and dimmed is not None:
             dimmed[0][:, rows] = whole = _dimming(part, colours, light, background.noise)
             strength = full - whole * _contrast(part, colours, lit=True)
         # too little contrast would blow the noise up to full coverage: such a pixel shows nothing
         seen, known = strength > (SHOWN_NOISE * noise[rows]) ** 2, background.known[rows]
         scale[:, rows] = np.where(seen, FULL / np.maximum(strength, 1.0), 0.0)
+        if other is not None and taken is not None:
+            level = np.stack(
+                [
+                    _shared(part, colour, colours[j], whole[k])
+                    for k, (colour, j) in enumerate(zip(colours, other, strict=True))
+                ]
+            ) / np.maximum(strength, 1.0)
+            left = 1.0 - level * level[other]
+            mixed = (other >= 0)[:, None, None] & seen & seen[other] & (left > UNMIXED)
+            left = np.where(mixed, left, 1.0)
+            scale[:, rows] /= left
+            taken[:, rows] = np.where(mixed, level * FULL / (np.maximum(strength, 1.0)[other] * left), 0.0)
+            full = full * left
         sure = np.sqrt(np.where(seen, full, 0.0)) / (TRUSTED_NOISE * noise[rows])
         trust[: len(colours), rows] = np.minimum(sure, 1.0) * known
         if any_trust is not None:
@@ -222,7 +275,7 @@ def _palette(
     shown = colours.copy()
     if grey_only:
         shown[:, 1:] = np.nan
-    return Palette(shown, scale, grey_only, trust, dimmed=dimmed)
+    return Palette(shown, scale, grey_only, trust, dimmed=dimmed, other=other, taken=taken)
 
 
 def _contrast(planes: Sequence[np.ndarray], colours: np.ndarray, *, lit: bool = False) -> np.ndarray:
