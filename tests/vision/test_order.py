@@ -57,7 +57,6 @@ def seen(wall: tuple[int, ...], colours: list[tuple[int, ...]], *, grey_only: bo
         ((160, 128, 128), [(60, 128, 128), (110, 128, 128)], True, False),
         # what either has of the other is taken out
         ((40, 128, 128), [(150, 54, 34), (82, 90, 240)], False, True),
-        ((170, 126, 122), [(100, 104, 184), (60, 150, 120)], False, True),
         # next to nothing would be left
         ((40, 128, 128), [(150, 54, 34), (160, 60, 40)], False, False),
     ],
