@@ -25,7 +25,7 @@ CHANGED_SHARE = 0.3
 """Share of the contrast of what stands out most from which a pixel has changed, where that is less."""
 SHOWN, BEHIND, FRAME = slice(0, 3), slice(3, 6), 6
 """Columns of a table of pixels: colour, colour of the background there, and number of the frame."""
-CONTRAST_FRAMES, PICKED_FRAMES = 12, 12
+CONTRAST_FRAMES, PICKED_FRAMES = 12, 24
 """Samples, about, that are enough for the contrast of what moves, and for its colours."""
 PIXELS_AT_ONCE = 17_000_000
 """Pixels of all the samples that are gone through at a time, about."""
@@ -141,7 +141,8 @@ def _some(mask: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
     """Return rows and columns of every ``step``-th pixel of a mask, (pixel,) each."""
     import cv2
 
-    at = cv2.findNonZero(mask)
+    # to find none takes as long as to find some
+    at = cv2.findNonZero(mask) if cv2.countNonZero(mask) else None
     x, y = (np.zeros((0, 2), np.int32) if at is None else at.reshape(-1, 2)[::step]).T
     return y, x
 
