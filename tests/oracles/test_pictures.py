@@ -33,8 +33,9 @@ from monodyn.vision.drawing.silhouette import (
 from monodyn.vision.foreground.background import Background, Window
 from monodyn.vision.foreground.coverage import coverage_of
 from monodyn.vision.foreground.inner import ABSENT, MOVING, Scenery, fill_moving
+from monodyn.vision.foreground.masks import BACK, FRONT, GeomColours
 from monodyn.vision.foreground.median import FARTHEST, NEAR, NEAREST, QUARTILE, masked_median
-from monodyn.vision.foreground.palette import CHROMA_WEIGHT, Palette
+from monodyn.vision.foreground.palette import CHROMA_WEIGHT, Palette, measured_palette
 from pictures import CAMERA, drawn_mask, trusted
 
 
@@ -312,6 +313,31 @@ def test_coverage_is_the_projection_of_each_pixel_on_each_colour(grey_only: bool
                 expected = min(max(value * scale[k, y, x], 0.0), 255.0) if inside else 0.0
                 # rounded to a level; single precision may round the other way
                 assert abs(found[k, y, x] - expected) <= 0.51
+
+
+@pytest.mark.parametrize("light", [None, np.array([0.1, 0.1])], ids=["even", "light"])
+def test_of_two_colours_that_overlap_each_has_its_own_share_of_a_pixel(light: np.ndarray | None) -> None:
+    """Flat pictures are mixed by hand of both and the background, their levels rounded."""
+    size, small = (12, 16), (6, 8)
+    back, colours = np.array([130.0, 126.0, 122.0]), np.array([[122.0, 104.0, 184.0], [74.0, 140.0, 126.0]])
+    still, tint, red = (
+        np.full(shape, value, np.float32) for shape, value in zip((size, small, small), back, strict=True)
+    )
+    background = Background(still, (tint, red), 1.0, np.ones(size, bool), Window(0, size[0], 0, size[1]))
+    order, nothing = np.array([[0, BACK], [FRONT, 0]], np.int8), np.zeros((1, 1, 1), np.float32)
+    measured = GeomColours(colours, np.arange(2), np.zeros(2, np.bool_), light=light, order=order)
+    palette = measured_palette(Palette(np.zeros((1, 3)), nothing, False, nothing), background, measured)
+    assert palette.other is not None
+    assert palette.other.tolist() == [1, 0]
+    assert (palette.dimmed is None) == (light is None)
+    shares = np.vstack((np.eye(3), np.random.default_rng(8).dirichlet((1.0, 1.0, 1.0), 12)))
+    for share, mixed in zip(shares, shares @ np.vstack((colours, back)), strict=True):
+        luma, *chroma = (
+            np.full(shape, round(value), np.uint8)
+            for shape, value in zip((size, small, small), mixed, strict=True)
+        )
+        found = coverage_of(Frame(0, 0.0, luma, (chroma[0], chroma[1])), background, palette)
+        np.testing.assert_allclose(found[:, 6, 8] / FULL, share[:2], atol=0.02)
 
 
 def test_an_edge_sample_is_the_area_under_the_coverage_along_its_normal() -> None:
