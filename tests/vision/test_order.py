@@ -71,3 +71,35 @@ def test_edges_before_another_link_count_where_they_lie_right(
         assert np.sqrt(link[SQUARES] / max(link[NEAR], 1.0)) < 0.25
     assert (links[1, BEHIND] == 0) == shows
     assert links[0, BEHIND] > links[0, SAMPLES]
+
+
+def shown_order(
+    wall: tuple[int, ...], colours: list[tuple[int, ...]], order: np.ndarray
+) -> tuple[list[int], np.ndarray]:
+    """Return which colours are taken out of which, and what stays of an order of geoms, one a colour."""
+    still, half = np.full(SIZE, wall[0], np.float32), (SIZE[0] // 2, SIZE[1] // 2)
+    tint = np.full(half, wall[1], np.float32), np.full(half, wall[2], np.float32)
+    background = Background(still, tint, 1.0, np.ones(SIZE, bool), Window(0, SIZE[0], 0, SIZE[1]))
+    nothing, count = np.zeros((1, 1, 1), np.float32), len(colours)
+    measured = GeomColours(np.array(colours, float), np.arange(count), np.zeros(count, np.bool_), order=order)
+    palette = measured_palette(Palette(np.zeros((1, 3)), nothing, False, nothing), background, measured)
+    return [-1] * count if palette.other is None else palette.other.tolist(), palette.view(count).order
+
+
+def test_no_colour_is_taken_out_of_one_that_lies_before_a_third() -> None:
+    wall, first, second, third = (130, 128, 128), (210, 128, 128), (134, 28, 128), (170, 228, 128)
+    before_third = np.array([[0, FRONT], [BACK, 0]], np.int8)
+    assert shown_order(wall, [first, third], before_third)[0] == [1, 0]
+    # what is taken out of the first for the third would show the second in its plane
+    before_both = np.array([[0, FRONT, FRONT], [BACK, 0, 0], [BACK, 0, 0]], np.int8)
+    other, order = shown_order(wall, [first, second, third], before_both)
+    assert other == [-1, -1, -1]
+    assert order[0].tolist() == [0, FRONT, 0]
+
+
+def test_what_looks_like_the_wall_shows_nothing_behind_an_edge() -> None:
+    other, order = shown_order(
+        (130, 128, 128), [(210, 128, 128), (133, 128, 128)], np.array([[0, FRONT], [BACK, 0]], np.int8)
+    )
+    assert other == [-1, -1]
+    assert order[0, 1] == FRONT

@@ -244,8 +244,8 @@ def _project(
     each colour.
 
     ``chroma``, the part of the colours in the window, has length 0 when grey alone counts, and ``dimmed``,
-    how much of each colour is taken out, where light is even; of ``ways``, scale, taken and other of a
-    `Palette`, the second does where no colour is taken out of another.
+    how much of each colour is taken out, where light is even. ``ways`` are scale, taken and other of a
+    `Palette`; taken has length 0 where no colour is taken out of another.
     """
     scale, taken, other = ways
     # Rows are cut out, and the cases are separate loops without a branch: so they use vector registers.

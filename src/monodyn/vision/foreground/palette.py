@@ -58,7 +58,7 @@ class Palette:
         colours: Grey level, blue and red difference of each colour, (colour, 3); the last two are NaN for a
             grey clip.
         scale: ``FULL`` over the squared contrast ``|F - B|^2``, 0 where the contrast is too low, float32
-            (colour, height, width).
+            (colour, height, width); over what is left of that where another colour is taken out.
         grey_only: True where grey alone distinguishes the mechanism from the background.
         trust: How reliably a pixel distinguishes the mechanism from the background in each plane of the mask,
             0 to 1, float32 (plane, height, width).
@@ -72,9 +72,10 @@ class Palette:
         dimmed: How much of each colour is taken out of its difference from the background, because more or
             less light would do the same: at full size and at that of the chroma, float32 (colour, height,
             width) each; None where light is even or grey alone counts.
-        other: Colour that is taken out of the coverage by each, -1 for none, int64 (colour,); None for all.
-        taken: How much of the other's product with the difference is taken out, float32 (colour, height,
-            width), or None.
+        other: Colour that is taken out of the coverage by each, and vice versa, -1 for none, int64 (colour,);
+            None for all.
+        taken: How much of the other's product with the difference is taken out, 0 where either is not seen or
+            too little would be left, float32 (colour, height, width), or None.
     """
 
     colours: np.ndarray
@@ -169,7 +170,7 @@ def measured_palette(palette: Palette, background: Background, measured: GeomCol
 
 def _shown(order: np.ndarray, part: np.ndarray, palette: Palette, background: Background) -> np.ndarray:
     """Return which colour has to be taken out of each, -1 for none, int64 (colour,), so that geoms show their
-    edges before those they lie in front of; ``order`` keeps those that do so then, int8 (geom, geom).
+    edges before those they lie in front of; in ``order``, int8 (geom, geom), only those stay that do so then.
 
     Where another colour lies behind an edge in place of the background, its coverage by the edge's own colour
     has to be none, neither more nor less, or the edge would seem to lie elsewhere. What a pair of colours has
@@ -180,24 +181,21 @@ def _shown(order: np.ndarray, part: np.ndarray, palette: Palette, background: Ba
     behind = [background.luma[thin]]
     if not palette.grey_only and background.chroma is not None:
         behind += [_resized(plane, behind[0].shape[::-1]) for plane in background.chroma]
+    ordered = [(part[front], part[back]) for front, back in np.argwhere(order == FRONT)]
     for front, back in np.argwhere(order == FRONT):
         pair = part[front], part[back]
         gains = [palette.scale[k][thin] / FULL for k in pair]
         dimmed = [0.0 if palette.dimmed is None else palette.dimmed[0][k][thin] for k in pair]
         one, two = (palette.colours[k] for k in pair)
-        level, back_level = (
-            _shared(behind, colour, shown, share) * gain
-            for colour, shown, share, gain in (
-                (one, two, dimmed[0], gains[0]),
-                (two, one, dimmed[1], gains[1]),
-            )
-        )
-        seen = (gains[0] > 0.0) & (gains[1] > 0.0)
+        level = _shared(behind, one, two, dimmed[0]) * gains[0]
+        seen = gains[0] > 0.0
         if seen.any() and np.mean(np.abs(level[seen])) <= APART:
             continue
-        alone = all(other[k] in (-1, j) for k, j in (pair, pair[::-1]))
-        left = 1.0 - level[seen] * back_level[seen]
-        if alone and seen.any() and np.mean(left > UNMIXED) > UNMIXED_SHARE:
+        # what is taken out of a colour is something else before a third one
+        alone = all(set(pair) == set(both) or not set(pair) & set(both) for both in ordered)
+        seen &= gains[1] > 0.0
+        left = (1.0 - level * _shared(behind, two, one, dimmed[1]) * gains[1])[seen]
+        if alone and len(left) and np.mean(left > UNMIXED) > UNMIXED_SHARE:
             other[pair[0]], other[pair[1]] = pair[1], pair[0]
         else:
             order[front, back] = 0
@@ -210,7 +208,9 @@ def _shared(
     """Return the weighted product of a colour that is shown with what another counts by, (row, column)."""
     product = np.zeros(behind[0].shape, np.float32)
     for k, (weight, plane) in enumerate(zip(_WEIGHTS.tolist(), behind, strict=False)):
-        product += weight * (shown[k] - plane) * (colour[k] - plane - dimmed * (colour[k] - BLACK[k]))
+        # numbers of Python keep planes in single precision
+        its, own = float(shown[k]), float(colour[k])
+        product += weight * (its - plane) * (own - plane - dimmed * (own - BLACK[k]))
     return product
 
 
@@ -261,11 +261,13 @@ def _palette(
                 ]
             ) / np.maximum(strength, 1.0)
             left = 1.0 - level * level[other]
-            mixed = (other >= 0)[:, None, None] & seen & seen[other] & (left > UNMIXED)
-            left = np.where(mixed, left, 1.0)
-            scale[:, rows] /= left
-            taken[:, rows] = np.where(mixed, level * FULL / (np.maximum(strength, 1.0)[other] * left), 0.0)
-            full = full * left
+            both = (other >= 0)[:, None, None] & seen & seen[other]
+            mixed = both & (left > UNMIXED)
+            by = np.where(mixed, left, 1.0)
+            scale[:, rows] /= by
+            taken[:, rows] = np.where(mixed, level * FULL / (np.maximum(strength, 1.0)[other] * by), 0.0)
+            # noise grows by as much as the contrast shrinks
+            full = full * np.where(both, np.clip(left, 0.0, 1.0), 1.0)
         sure = np.sqrt(np.where(seen, full, 0.0)) / (TRUSTED_NOISE * noise[rows])
         trust[: len(colours), rows] = np.minimum(sure, 1.0) * known
         if any_trust is not None:
