@@ -12,11 +12,13 @@ from scipy.interpolate import CubicHermiteSpline
 from monodyn.errors import FitError
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.window import ahead
+from monodyn.live import horizon
 from monodyn.live.estimate import Estimate
 from monodyn.live.horizon import Horizon, _inverses, horizon_of
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import load
 from monodyn.stages import identify
+from monodyn.types import TorqueLog
 from support import refuses
 from swings import double_truth, motion, record
 
@@ -73,6 +75,40 @@ def test_a_stretch_that_no_single_motion_explains_begins_no_window() -> None:
     ):
         Horizon(fit, started, pushed, window=1.5, ahead=0.5)
     assert horizon_of(fit, started, pushed, LiveSettings()) is None
+
+
+def test_what_is_held_upright_for_long_begins_no_window(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The torques are those of a way that is given: a swing, then up, and there for three seconds."""
+    truth = load("single").with_choices(fix={"link1.thickness": 0.006})
+    times, fine = np.arange(480) / 60.0, np.arange(0.0, 8.0, 1e-3)
+    up = np.clip((fine - 4.0) / 0.8, 0.0, 1.0)
+    way = -np.pi / 2 + 0.9 * np.sin(6.0 * fine) * (1.0 - up) ** 3 + np.pi * up**3 * (10 - 15 * up + 6 * up**2)
+    rate = np.gradient(way, fine)
+    values = truth.values
+    moment = values["link1.mass"] * values["link1.com_x"]
+    inertia = values["link1.inertia"] + moment * values["link1.com_x"]
+    torque = inertia * np.gradient(rate, fine) + values["joint1.damping"] * rate
+    torque += moment * 9.81 * np.cos(way)
+    rows = record(truth, times, np.interp(times, fine, way)[:, None], noise=1e-3)
+    rows = replace(rows, torques=TorqueLog(("joint1",), fine, torque[:, None]))
+    fit = identify(rows, truth)
+    assert fit.ok, fit.status
+    assert fit.torque == "known"
+    with refuses(
+        FitError,
+        "horizon: expected rows that one motion follows from its first state on, got such as the fit "
+        "follows piece by piece; begin with fewer.",
+    ):
+        Horizon(fit, truth, rows, window=1.5, ahead=0.5, acting=lambda *_: rows.torques)
+    # nor does what rounding leaves of it end a stream
+    monkeypatch.setattr(horizon, "_check_followed", lambda *_: None)
+    monkeypatch.setattr(horizon, "refit", lambda *_, **__: drowned())
+    assert horizon_of(fit, truth, rows, LiveSettings(), lambda *_: rows.torques) is None
+
+
+def drowned() -> None:
+    """Stand for a search whose information has no digit left."""
+    raise ArithmeticError
 
 
 def test_every_frame_ends_at_its_optimum(estimates: list[Estimate]) -> None:

@@ -33,7 +33,17 @@ from monodyn.vision.drawing.silhouette import (
 from monodyn.vision.foreground.background import Background, Window
 from monodyn.vision.foreground.coverage import coverage_of
 from monodyn.vision.foreground.inner import ABSENT, MOVING, Scenery, fill_moving
-from monodyn.vision.foreground.masks import BACK, FRONT, GeomColours
+from monodyn.vision.foreground.masks import (
+    BACK,
+    EVERY_PLANE,
+    FRONT,
+    LEFT,
+    PLANE,
+    RIGHT,
+    ROW,
+    GeomColours,
+    Wanted,
+)
 from monodyn.vision.foreground.median import FARTHEST, NEAR, NEAREST, QUARTILE, masked_median
 from monodyn.vision.foreground.palette import CHROMA_WEIGHT, Palette, measured_palette
 from pictures import CAMERA, drawn_mask, trusted
@@ -338,6 +348,17 @@ def test_of_two_colours_that_overlap_each_has_its_own_share_of_a_pixel(light: np
         )
         found = coverage_of(Frame(0, 0.0, luma, (chroma[0], chroma[1])), background, palette)
         np.testing.assert_allclose(found[:, 6, 8] / FULL, share[:2], atol=0.02)
+    # one on the left and the other on the right, of which a part is wanted
+    halves = np.arange(size[1]) // 8
+    luma, *chroma = (
+        np.tile(colours[halves[:: size[1] // shape[1]], k].astype(np.uint8), (shape[0], 1))
+        for k, shape in enumerate((size, small, small))
+    )
+    row = np.empty((1, 4), np.int64)
+    row[0, [PLANE, ROW, LEFT, RIGHT]] = EVERY_PLANE, 6, 12, 15
+    wanted = Wanted(row, Window(6, 7, 2, 15))
+    found = coverage_of(Frame(0, 0.0, luma, (chroma[0], chroma[1])), background, palette, wanted)
+    np.testing.assert_allclose(found[:, 6, 12:15] / FULL, [[0.0] * 3, [1.0] * 3], atol=0.02)
 
 
 def test_an_edge_sample_is_the_area_under_the_coverage_along_its_normal() -> None:

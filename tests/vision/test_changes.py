@@ -51,6 +51,26 @@ def test_what_the_background_holds_and_a_frame_does_not_is_absent() -> None:
     assert len(absent) == pytest.approx(len(pixels), rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("window", "kinds"), [(Window(0, 60, 0, 80), [0, 1]), (Window(0, 60, 40, 80), [1])], ids=["all", "gone"]
+)
+def test_of_each_frame_only_so_many_pixels_are_taken(
+    window: Window, kinds: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of both kinds every so many, whichever of them is more: where the square goes to may not count."""
+    made = wandering(places=[5 + i for i in range(8)] + [50] * 16, count=24)
+    background = replace(background_of(samples(made)), window=window)
+    around = surroundings(made, background, 14.0)
+    every = moving_pixels(made, background, around, True, 14.0, None)
+    monkeypatch.setattr(changes, "PICKED", 40)
+    found = moving_pixels(made, background, around, True, 14.0, None)
+    assert [kind for kind in range(2) if len(found[kind])] == kinds
+    for kind in kinds:
+        _, counts = np.unique(found[kind][:, changes.FRAME], return_counts=True)
+        assert counts.max() < 2 * 40
+        assert len(found[kind]) > 0.05 * len(every[kind])
+
+
 @pytest.mark.parametrize("core", [0, 10**6])
 @pytest.mark.parametrize("shadow", [None, Shadow(0.6, 0.95)])
 @pytest.mark.parametrize("window", [Window(21, 39, 14, 47), Window(0, 60, 3, 80), Window(25, 60, 0, 41)])

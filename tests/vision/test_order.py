@@ -73,17 +73,45 @@ def test_edges_before_another_link_count_where_they_lie_right(
     assert links[0, BEHIND] > links[0, SAMPLES]
 
 
-def shown_order(
-    wall: tuple[int, ...], colours: list[tuple[int, ...]], order: np.ndarray
-) -> tuple[list[int], np.ndarray]:
-    """Return which colours are taken out of which, and what stays of an order of geoms, one a colour."""
+def palette_before(
+    wall: tuple[int, ...],
+    colours: list[tuple[int, ...]],
+    order: np.ndarray | None,
+    light: np.ndarray | None = None,
+) -> Palette:
+    """Return the palette of geoms with an order, one a colour, before a wall without a pattern."""
     still, half = np.full(SIZE, wall[0], np.float32), (SIZE[0] // 2, SIZE[1] // 2)
     tint = np.full(half, wall[1], np.float32), np.full(half, wall[2], np.float32)
     background = Background(still, tint, 1.0, np.ones(SIZE, bool), Window(0, SIZE[0], 0, SIZE[1]))
     nothing, count = np.zeros((1, 1, 1), np.float32), len(colours)
-    measured = GeomColours(np.array(colours, float), np.arange(count), np.zeros(count, np.bool_), order=order)
-    palette = measured_palette(Palette(np.zeros((1, 3)), nothing, False, nothing), background, measured)
+    measured = GeomColours(
+        np.array(colours, float), np.arange(count), np.zeros(count, np.bool_), light=light, order=order
+    )
+    return measured_palette(Palette(np.zeros((1, 3)), nothing, False, nothing), background, measured)
+
+
+def shown_order(
+    wall: tuple[int, ...], colours: list[tuple[int, ...]], order: np.ndarray
+) -> tuple[list[int], np.ndarray]:
+    """Return which colours are taken out of which, and what stays of an order."""
+    palette, count = palette_before(wall, colours, order), len(colours)
     return [-1] * count if palette.other is None else palette.other.tolist(), palette.view(count).order
+
+
+def test_noise_counts_by_what_is_left_of_the_contrast() -> None:
+    wall, colours = (130, 128, 128), [(140, 128, 128), (140, 158, 128)]
+    order = np.array([[0, BACK], [FRONT, 0]], np.int8)
+    mixed, apart = (palette_before(wall, colours, way).trust[:, 0, 0] for way in (None, order))
+    # squared contrasts of 100 and 325, of which they have a product of 100 in common
+    assert mixed == pytest.approx(np.sqrt([100.0, 325.0]) / 60.0, rel=1e-5)
+    assert apart == pytest.approx(mixed * np.sqrt(1.0 - 100.0**2 / (100.0 * 325.0)), rel=1e-5)
+    # with light a colour may count by so much less that the other one is negative in it
+    light = np.array([0.1, 0.1])
+    mixed, apart = (
+        palette_before((130, 128, 128), [(150, 128, 128), (140, 153, 128)], way, light).trust[:, 0, 0]
+        for way in (None, order)
+    )
+    assert (apart <= mixed).all()
 
 
 def test_no_colour_is_taken_out_of_one_that_lies_before_a_third() -> None:

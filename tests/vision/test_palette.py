@@ -36,6 +36,8 @@ def test_a_lingering_mechanism_is_not_its_own_background() -> None:
     first = background_of(samples(made))
     assert first.luma[30, 60] == pytest.approx(90, abs=2)
     found = moving_colours(made, first, "grey", 14.0)
+    # a main colour is known without
+    assert not len(found.resting)
     second = background_of(samples(made), lingering(made, first, found), fallback=first)
     assert second.luma[30, 60] == pytest.approx(160, abs=2)
 

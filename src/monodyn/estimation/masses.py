@@ -17,8 +17,6 @@ STATES = 24
 """States in which accelerations are compared."""
 RATES = 5.0
 """Standard deviation of their rates [rad/s], and of the rates of slides in tenths of it [m/s]."""
-SEEN = 1e-7
-"""Directions along which accelerations change less than this share of the most leave them as they are."""
 HEAVY = (*MASS_KINDS, "com_x", "com_y")
 """Kinds of what may be another with the scale of the masses; sizes are known otherwise, or not at all."""
 HIDDEN = 1e-3

@@ -316,13 +316,11 @@ def _off(found: Refitted) -> float:
 
 def _check_followed(fit: Fit, found: Refitted) -> None:
     """Refuse a window over all rows of a fit that does not follow them as the fit does."""
-    data = found.window.problem.data
-    lost = data.measured & np.isnan(found.residual)
-    off, usual = (
+    usual, off = (
         np.nanquantile(np.abs(rows), MOST_ROWS, axis=0)
-        for rows in (np.where(lost, np.inf, found.residual * found.unit), fit.residual[0])
+        for rows in (fit.residual[0], found.residual * found.unit)
     )
-    noise = np.nanmean(data.std, axis=0) * found.unit
+    noise = np.nanmean(found.window.problem.data.std, axis=0) * found.unit
     follows = np.all(off <= EXPLAINED * np.maximum(usual, noise))
     if not follows or np.abs(found.motion[1][:, :, len(found.x) :]).max() > MOST_GROWN:
         raise FitError(

@@ -13,7 +13,7 @@ import numpy as np
 
 from monodyn.choices import MOST_DRAWN, check_whole
 from monodyn.estimation.fit import Fit
-from monodyn.estimation.masses import SEEN, various_states
+from monodyn.estimation.masses import various_states
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.simulate import acceleration_derivatives
 from monodyn.mechanism.tree import Directions
@@ -27,6 +27,8 @@ LONGEST = 0.3
 MOST_TRIES, SPARE_TRIES = 10, 200
 """Draws a mechanism that is found, at most, and how many more: of one in ten that lies within the bounds a
 few draws would often find none."""
+SEEN = 1e-7
+"""Directions along which accelerations change less than this share of the most stay as they are."""
 
 
 class Response(NamedTuple):

@@ -175,10 +175,8 @@ def _resting(
         """Return which of some colours are near one, bool (pixel,)."""
         return np.linalg.norm(values[:, used] - colour[used], axis=1) < reach * contrast
 
-    # where the frame shows a main colour nothing is absent: it stands before a pattern of the wall
     for colour in colours:
-        main = near(absent[:, SHOWN], colour, NEAR_COLOUR) | near(absent[:, BEHIND], colour, NEAR_COLOUR)
-        absent = absent[~main]
+        absent = absent[~near(absent[:, BEHIND], colour, NEAR_COLOUR)]
     if len(absent) < LEAST_PIXELS:
         return np.zeros((0, 3))
     frames, found = 1 + int(max(pixels[:, FRAME].max(), absent[:, FRAME].max())), []
