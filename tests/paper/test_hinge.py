@@ -11,11 +11,13 @@ import monodyn
 from chains import CAMERA, chain
 from monodyn.mechanism import Mechanism
 from monodyn.paper.hinge import along_first_body
+from monodyn.paper.sequential import strict
 from monodyn.paper.silhouettes import SilhouetteFrame
 from monodyn.paper.start_model import StartModel
-from monodyn.paper.subproblems import mismatch
+from monodyn.paper.subproblems import camera_placed, mismatch
 from monodyn.paper.view import CAMERA_HELD, ModelView, model_view, silhouette_image
 from monodyn.types import FULL, Camera, Frame
+from monodyn.vision.drawing.camera import DEPTH, X, Y
 from monodyn.vision.drawing.outline import covered_pixels
 from support import slow
 
@@ -58,7 +60,7 @@ def test_the_hinge_is_moved_to_its_place(shift: float) -> None:
     view = displaced(mechanism, shift, free=True)
     first = frames[0].image
     assert mismatch(first, view.rig, view.position) < 0.1 * first.area
-    found, drawn = along_first_body(view, StartModel(mechanism, CAMERA, ()), frames)
+    found, drawn = along_first_body(view, StartModel(mechanism, CAMERA, ()), frames[0], frames)
     assert drawn > 1000
     assert mismatch(first, found.rig, found.position) < 0.1 * first.area
     sizes = dict(zip(found.names, found.sizes, strict=True))
@@ -67,12 +69,34 @@ def test_the_hinge_is_moved_to_its_place(shift: float) -> None:
         assert abs(sizes[name] - mechanism.values[name]) * px < 2.0
 
 
+@pytest.mark.slow
+def test_the_line_of_the_body_does_not_miss_what_the_silhouette_lacks() -> None:
+    """Equal areas and centroids have the camera beside it, and Fig. 2 ends there."""
+    mechanism = monodyn.load("double")
+    frames = shown(mechanism, CAMERA)
+    true = displaced(mechanism, 0.0, free=True)
+    hinge = np.array([(CAMERA.width - 1) / 2, (CAMERA.height - 1) / 2])
+    hinge += np.array([-CAMERA.x, CAMERA.y]) * CAMERA.focal / CAMERA.depth
+    y, x = np.mgrid[: CAMERA.height, : CAMERA.width]
+    picture = np.where(np.hypot(x - hinge[0], y - hinge[1]) < 12.0, np.uint8(0), frames[0].silhouette)
+    frames[0] = SilhouetteFrame(frames[0].frame, silhouette_image(picture), picture)
+    image = frames[0].image
+    beside, _ = strict(image, camera_placed(image, camera_placed(image, true)))
+    found, _ = along_first_body(beside, StartModel(mechanism, CAMERA, ()), frames[0], frames)
+    for view, least, most in ((beside, 1.5, 2.0), (found, 0.0, 0.3)):
+        camera = view.base.camera
+        off = -camera[X : Y + 1] / camera[DEPTH] - [-CAMERA.x / CAMERA.depth, -CAMERA.y / CAMERA.depth]
+        across = np.array([-np.sin(POSES[0, 0]), np.cos(POSES[0, 0])])
+        assert least < abs(off @ across) * CAMERA.focal < most
+
+
 @pytest.mark.parametrize("pinned", [("camera.x",), ("camera.x", "camera.y", "camera.depth")])
 def test_a_camera_that_is_known_leaves_nothing_open(pinned: tuple[str, ...]) -> None:
     mechanism = monodyn.load("double")
     model = StartModel(mechanism, CAMERA, pinned)
     view = model_view(mechanism, CAMERA, POSES[0], model.camera_free(slide=False))
-    found, drawn = along_first_body(view, model, shown(mechanism, CAMERA))
+    frames = shown(mechanism, CAMERA)
+    found, drawn = along_first_body(view, model, frames[0], frames)
     assert found is view
     assert drawn == 0
 
@@ -80,4 +104,5 @@ def test_a_camera_that_is_known_leaves_nothing_open(pinned: tuple[str, ...]) -> 
 def test_a_body_that_ends_at_its_hinge_stays(tmp_path: Path) -> None:
     mechanism = chain(tmp_path)
     view = model_view(mechanism, CAMERA, POSES[0], CAMERA_HELD)
-    assert along_first_body(view, StartModel(mechanism, CAMERA, ()), []) == (view, 0)
+    frames = shown(mechanism, CAMERA)
+    assert along_first_body(view, StartModel(mechanism, CAMERA, ()), frames[0], frames) == (view, 0)

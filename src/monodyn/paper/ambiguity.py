@@ -139,7 +139,7 @@ def interpret(
             starts = EVOLUTIONS if begin == "evolution" else STARTS * len(start.position)
             budget.expect(1 + 3 * FINALISTS + starts)
             for found, history in _interpretations(own, start, own_settings, budget, shrink):
-                view, more = along_first_body(found, model, shown)
+                view, more = along_first_body(found, model, own, shown)
                 budget.step(more)
                 share, drawings = cross_mismatch(model.released(view), others)
                 budget.step(drawings)

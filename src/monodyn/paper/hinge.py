@@ -2,7 +2,9 @@
 
 A body that reaches beyond its hinges by unknown lengths looks the same wherever its first hinge is: moved
 along the body, with the camera, it leaves the picture as it was. In other frames the body has turned about
-the true hinge. So the place of the least mismatch there is searched, with the pose alone found anew.
+the true hinge. So the place of the least mismatch there is searched, with the pose alone found anew. The line
+of the body comes from camera, pose and sizes together: by equal areas and centroids it would lie beside the
+body where the silhouette lacks a part.
 """
 
 from __future__ import annotations
@@ -13,9 +15,12 @@ import numpy as np
 
 from monodyn.mechanism.tree import HINGE
 from monodyn.optimize.bracket import golden_section
+from monodyn.paper.sequential import rescaled
 from monodyn.paper.silhouettes import SilhouetteFrame
 from monodyn.paper.start_model import StartModel
 from monodyn.paper.starts import pose_by_beam
+from monodyn.paper.subproblems import mismatch
+from monodyn.paper.together import fit_together
 from monodyn.paper.view import ModelView
 from monodyn.vision.drawing.camera import DEPTH, FOCAL, X, Y
 from monodyn.vision.drawing.silhouette import LINK_ANGLE, LINK_X, LINK_Y, link_frames
@@ -28,7 +33,8 @@ PLACES = 11
 FRAMES = 4
 """Frames by which a place is judged, at most."""
 HOPELESS = 0.5
-"""Mean share of mismatch from which the best place is not worth to be found exactly."""
+"""Share of mismatch from which neither the line of a body is worth to be found, in its own picture, nor the
+best place on it exactly, in the mean of the others: the mechanism is another."""
 NEAR_PX = 0.5
 """How exactly the best place is found [px]."""
 
@@ -53,31 +59,35 @@ class _Body:
 
 
 def along_first_body(
-    view: ModelView, model: StartModel, shown: list[SilhouetteFrame]
+    view: ModelView, model: StartModel, own: SilhouetteFrame, shown: list[SilhouetteFrame]
 ) -> tuple[ModelView, int]:
     """Move the first hinge along its body to where other frames are explained best.
 
     Args:
         view: The mechanism as it was found in one picture.
         model: The mechanism and the camera that the search started with.
+        own: That picture.
         shown: Frames with a silhouette, that picture among them.
 
     Returns:
         The mechanism, and the number of silhouettes drawn; unchanged where nothing is open: no free tail, a
         first joint that slides, or a camera whose place is known.
     """
-    body = _first_body(view, model)
+    body, drawn = _first_body(view, model), 0
     if body is None:
-        return view, 0
-    drawn = 0
+        return view, drawn
+    if mismatch(own.image, view.rig, view.position) < HOPELESS * own.image.area:
+        together, history = fit_together(own.image, view)
+        view, drawn = rescaled(together), int(history.evaluations[-1])
+        body = _first_body(view, model) or body
 
     def gap(shift: float) -> float:
         nonlocal drawn
         moved = model.released(_shifted(view, body, shift))
         total = 0.0
-        for own in judges:
-            _, left, drawings = pose_by_beam(own.image, moved)
-            total += left / own.image.area
+        for judge in judges:
+            _, left, drawings = pose_by_beam(judge.image, moved)
+            total += left / judge.image.area
             drawn += drawings
         return total / len(judges)
 

@@ -281,7 +281,19 @@ def pose_directions(rig: Rig, position: np.ndarray, free: np.ndarray) -> np.ndar
         there = position.copy()
         there[i] += TURNED
         slopes[k] = (outline_points(rig, there) - here).ravel() / TURNED
-    metric = 2.0 * slopes @ slopes.T / here.size
+    return independent(slopes)
+
+
+def independent(slopes: np.ndarray) -> np.ndarray:
+    """Return directions that move the picture independently, by one pixel each.
+
+    Args:
+        slopes: By how much each unknown moves the outline's points, (param, 2 point).
+
+    Returns:
+        Directions as columns [unknown by px], (param, param).
+    """
+    metric = 2.0 * slopes @ slopes.T / slopes.shape[1]
     # behind the camera the points are NaN: all eigenvalues are then zero, and the floor gives any direction
     values, vectors = np.linalg.eigh(np.nan_to_num(metric))
     return vectors / np.sqrt(np.maximum(values, FLATTEST * max(float(values[-1]), 1e-9)))
@@ -319,10 +331,8 @@ def fit_ratios(
     Source:
         The 2012 paper, eq. (4).
     """
-    least = LEAST_SIZE_PX * float(view.base.camera[DEPTH] / view.base.camera[FOCAL])
-    # an overhang of zero still leaves the body between its hinges to be seen
-    lower = np.minimum(np.maximum(view.lower, np.where(view.overhang, 0.0, least)), view.upper)
-    start = np.clip(view.sizes, lower, view.upper)
+    lower, upper = size_range(view)
+    start = np.clip(view.sizes, lower, upper)
     typical = np.maximum(start, LEAST_STEPPED * float(start.max(initial=0.0)))
 
     scaled = _in_scale(view)
@@ -333,7 +343,6 @@ def fit_ratios(
             return _placed_gap(image, view, rig, view.position)[0]
         return mismatch(image, rig, view.position)
 
-    upper = view.upper
     if view.reference in view.searched:
         held = np.array([p is view.reference for p in view.searched])
         lower, upper = np.where(held, start, lower), np.where(held, start, upper)
@@ -346,6 +355,17 @@ def fit_ratios(
     )
     history = _history("ratios", found.history, found.evaluations, view)
     return camera_placed(image, replace(view, sizes=scaled(found.x))), history
+
+
+def size_range(view: ModelView) -> tuple[np.ndarray, np.ndarray]:
+    """Return the bounds within which sizes are seen in the picture [m], (param,) each.
+
+    Args:
+        view: The mechanism as found so far.
+    """
+    least = LEAST_SIZE_PX * float(view.base.camera[DEPTH] / view.base.camera[FOCAL])
+    # an overhang of zero still leaves the body between its hinges to be seen
+    return np.minimum(np.maximum(view.lower, np.where(view.overhang, 0.0, least)), view.upper), view.upper
 
 
 def _in_scale(view: ModelView) -> Callable[[np.ndarray], np.ndarray]:

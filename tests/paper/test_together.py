@@ -1,0 +1,81 @@
+"""Camera, pose and sizes together, where a part of the silhouette is missing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chains import ALL_FREE, CAMERA, POSE, chain, chain_picture, falls, view_of
+from monodyn.paper.placed import DEPTH, FOCAL, X
+from monodyn.paper.subproblems import camera_placed, mismatch
+from monodyn.paper.together import fit_together
+from monodyn.paper.view import ModelView, SilhouetteImage, silhouette_image
+from monodyn.types import FULL
+
+PX = CAMERA.depth / CAMERA.focal
+"""A pixel in the plane of the mechanism [m]."""
+
+
+ACROSS = np.array([-np.sin(POSE[0]), np.cos(POSE[0])])
+"""Across the first link, to the right and up."""
+
+
+def hinge_px(view: ModelView) -> np.ndarray:
+    """Return where the first hinge is seen from the middle of the picture, to the right and up [px], (2,)."""
+    camera = view.base.camera
+    return -camera[X : X + 2] * camera[FOCAL] / camera[DEPTH]
+
+
+def lacking() -> SilhouetteImage:
+    """Return the silhouette of the chain without 12 px about its first hinge."""
+    picture = chain_picture(POSE)
+    y, x = np.mgrid[: CAMERA.height, : CAMERA.width]
+    hinge = (CAMERA.width - 1) / 2 - CAMERA.x / PX, (CAMERA.height - 1) / 2 + CAMERA.y / PX
+    picture[np.hypot(x - hinge[0], y - hinge[1]) < 12.0] = 0
+    return silhouette_image(picture * np.uint8(FULL))
+
+
+def test_the_line_of_a_body_is_found_where_areas_and_centroids_miss_it(tmp_path: Path) -> None:
+    """The place along the first link is open here; across it and all else comes out to parts of a pixel."""
+    image, true = lacking(), view_of(chain(tmp_path))
+    by_centroids = camera_placed(image, camera_placed(image, true))
+    assert np.hypot(*(hinge_px(by_centroids) - hinge_px(true))) > 2.0
+    sizes = true.sizes * np.linspace(0.95, 1.06, len(true.sizes))
+    start = replace(by_centroids, position=POSE + np.array([0.03, -0.05]), sizes=sizes)
+    found, history = fit_together(image, start)
+    assert history.problem == "together"
+    assert falls(history)
+    assert mismatch(image, found.rig, found.position) == pytest.approx(history.values[-1])
+    assert history.values[-1] < mismatch(image, true.rig, POSE)
+    np.testing.assert_allclose(found.position, POSE, atol=np.radians(0.3))
+    away = hinge_px(found) - hinge_px(true)
+    assert abs(away @ ACROSS) < 0.3
+
+
+@pytest.mark.parametrize("free", ALL_FREE._asdict())
+def test_what_is_known_stays(tmp_path: Path, free: str) -> None:
+    """A coordinate of the camera that is not free keeps its value to the last bit, as does a held joint."""
+    true = view_of(chain(tmp_path))
+    limits = np.array([[POSE[0] + 0.02, -3.0], [POSE[0] + 0.02, 3.0]])
+    start = replace(
+        true, free=ALL_FREE._replace(**{free: False}), limits=limits, position=np.array([limits[0, 0], 0.75])
+    )
+    found, _ = fit_together(lacking(), start)
+    moved = found.base.camera != start.base.camera
+    names = ("x", "y", "depth")
+    assert {name for name, one in zip(names, moved[X : DEPTH + 1], strict=True) if one} == set(names) - {free}
+    assert found.position[0] == limits[0, 0]
+    assert found.position[1] != 0.75
+
+
+def test_bounds_of_sizes_hold(tmp_path: Path) -> None:
+    """The second size may not reach its true value."""
+    true = view_of(chain(tmp_path))
+    upper = true.upper.copy()
+    upper[1] = 0.9 * true.sizes[1]
+    found, _ = fit_together(lacking(), replace(true, upper=upper, sizes=np.minimum(true.sizes, upper)))
+    assert (found.sizes <= upper).all()
+    assert found.sizes[1] == upper[1]
