@@ -36,6 +36,11 @@ def motion(
     return rollout(mechanism.tree, np.asarray(times, float), *start, substeps=steps)[0]
 
 
+def leaning(position: np.ndarray) -> np.ndarray:
+    """Return what two ways of a camera to stand wrong would do, (direction, frame, dof)."""
+    return 4e-3 * np.stack([np.cos(2.0 * position), np.sin(position)])
+
+
 def record(
     mechanism: Mechanism,
     times: np.ndarray,

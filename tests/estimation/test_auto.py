@@ -1,6 +1,7 @@
 """Which kind of torque acts: the simplest that the evidence supports."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -20,7 +21,8 @@ from monodyn.estimation.verdict.combinations import inertial_ratios
 from monodyn.mechanism import Mechanism, load
 from monodyn.stages import identify
 from monodyn.types import Poses
-from swings import TIMES, motion, record, scaled, white
+from support import slow
+from swings import TIMES, leaning, motion, record, scaled, white
 
 AUTO = IdentifySettings(torque="auto")
 SINGLE = DOUBLE[: DOUBLE.index('<body name="link2"')] + "</body></worldbody></mujoco>"
@@ -276,9 +278,48 @@ def test_further_starts_where_no_kind_with_the_same_bodies_follows(monkeypatch, 
     search = SimpleNamespace(explained=lambda optimum: optimum.follows)
     monkeypatch.setattr(Task, "search", lambda *_: search)
     monkeypatch.setattr(auto, "_explained", lambda _: False)
+    monkeypatch.setattr(auto, "_explained_by_the_picture", lambda *_: False)
     monkeypatch.setattr(auto, "fit_friction", lambda *_: solved(True, False))
     monkeypatch.setattr(auto, "_further", lambda *_: solved(uniform, followed))
     monkeypatch.setattr(auto, "_from_further_starts", lambda *_: asked.append(_))
     nothing: Any = None
     auto.fit_auto(load("double"), Task(nothing, (), AUTO, None))
     assert len(asked) == starts
+
+
+LONGER = np.arange(120) / 60.0
+"""Time stamps of records that a picture is wrong about [s], (frame,)."""
+
+
+def turned(truth: Mechanism, off: Sequence[float], seed: int) -> Poses:
+    """Return a free motion seen by a camera that stands wrong in two ways, each by some deviations."""
+    position = motion(truth, LONGER, [1.1, 0.5], [0.0, 1.0])
+    shifts = leaning(position)
+    wrong = position + np.tensordot(off, shifts, axes=1)
+    return replace(record(truth, LONGER, wrong, seed=seed), shifts=shifts)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("off", "seed"), [((-2.6, 0.4), 3), slow((1.8, -2.5), 6)])
+def test_what_a_picture_is_wrong_by_is_no_torque_and_no_mass(monkeypatch, truth, double, off, seed) -> None:
+    """Left to the torques it is: free bodies, or a drag, follow the camera's errors well enough."""
+    poses = turned(truth, off, seed)
+    fit = identify(poses, double, AUTO)
+    assert fit.grade == "trusted"
+    assert not fit.tried_torques
+    for name in ("link1.length", "link2.length"):
+        found = fit.parameter(name)
+        assert abs(found.value - truth.values[name]) < 2.5 * found.std
+        assert found.value == pytest.approx(truth.values[name], rel=2e-3)
+    common = fit.common_of(0)
+    assert common is not None
+    assert np.abs(common.mean - off).max() < 0.4
+    monkeypatch.setattr(auto, "cleared", lambda *_: None)
+    assert identify(poses, double, AUTO).tried_torques
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drag", [{"joint1.drag": 0.002}, slow({"joint2.drag": 0.002})])
+def test_a_drag_is_not_what_a_picture_is_wrong_by(truth, double, drag) -> None:
+    fit = identify(turned(truth.with_values(drag), (0.5, -0.5), 0), double, AUTO)
+    assert fit.tried_torques[0].kind == "friction with quadratic drag"

@@ -12,9 +12,7 @@ from monodyn.estimation.record.samples import prepare
 from monodyn.estimation.record.shared import moves_a_zero
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.shooting.problem import posed
-from monodyn.estimation.shooting.search import Search
-from monodyn.estimation.verdict.common import (
+from monodyn.estimation.shooting.common import (
     ALIKE,
     UNSURE,
     by_record,
@@ -23,16 +21,13 @@ from monodyn.estimation.verdict.common import (
     less,
     unknown_errors,
 )
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.shooting.search import Search
 from monodyn.mechanism.upright import ROLL_STD, by_roll, with_roll
 from monodyn.stages import identify
-from swings import NOISE, TIMES, motion, record
+from swings import NOISE, TIMES, leaning, motion, record
 
 VISCOUS = IdentifySettings(torque="friction", starts=1)
-
-
-def leaning(position: np.ndarray) -> np.ndarray:
-    """Return what two ways of a camera to stand wrong would do, (direction, frame, dof)."""
-    return 4e-3 * np.stack([np.cos(2.0 * position), np.sin(position)])
 
 
 @pytest.mark.slow

@@ -1,12 +1,20 @@
 """Further unknowns: the gain that justifies them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from monodyn.estimation.torque.evidence import EVIDENCE, likeliest, pays
+from monodyn.estimation.record.samples import prepare
+from monodyn.estimation.record.smooth import smooth
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.shooting.search import Search
+from monodyn.estimation.torque.evidence import EVIDENCE, LIKELY, Cleared, at_noise, cleared, likeliest, pays
+from monodyn.types import Poses
+from swings import TIMES, leaning, motion, record
 
 
 def optimum(cost: float, sigma: float = 1.0, complete: bool = True) -> Any:
@@ -38,3 +46,41 @@ def test_an_unknown_is_charged_the_logarithm_of_the_samples() -> None:
     assert likeliest(tried) == 0
     tried = [(problem(3), optimum(10.0)), (problem(4), optimum(0.0, complete=False))]
     assert likeliest(tried) == 0
+
+
+def cleared_of(poses: Poses, double) -> tuple[bool, Cleared | None]:
+    """Return whether friction leaves nothing but noise, and what it leaves less what positions share."""
+    problem = posed(double, prepare([poses], double))
+    search = Search(problem, (smooth(poses),), IdentifySettings(), None)
+    optimum, _ = search.from_starts()
+    return at_noise(problem, optimum), cleared(problem, optimum, search.route)
+
+
+@pytest.mark.slow
+def test_what_positions_share_is_taken_off_as_far_as_it_is_likely(truth, double) -> None:
+    position = motion(truth, TIMES, [0.9, 0.5], [0.0, 1.0])
+    for off, likely in ((-2.5, True), (-1.6 * LIKELY, False)):
+        shifts = leaning(position)
+        wrong = record(truth, TIMES, position + off * shifts[0])
+        assert cleared_of(wrong, double)[1] is None
+        explained, found = cleared_of(replace(wrong, shifts=shifts), double)
+        assert not explained
+        assert (found is not None) == likely
+        if found is not None:
+            assert at_noise(found.problem, found.optimum)
+            np.testing.assert_allclose(found.common.mean, [off, 0.0], atol=0.4)
+            # the problem is that of the positions less what was found
+            np.testing.assert_allclose(
+                found.problem.data.position,
+                wrong.position - np.tensordot(found.common.mean, shifts, axes=1), atol=1e-12,
+            )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_what_is_left_over_besides_is_something_else(truth, double) -> None:
+    """A wave that no camera makes stays, and so does what the camera makes."""
+    position = motion(truth, TIMES, [0.9, 0.5], [0.0, 1.0])
+    shifts = leaning(position)
+    wave = 0.02 * np.sin(9.0 * TIMES)[:, None] ** 3
+    poses = replace(record(truth, TIMES, position - 2.5 * shifts[0] + wave), shifts=shifts)
+    assert cleared_of(poses, double) == (False, None)

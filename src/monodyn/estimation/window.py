@@ -28,14 +28,14 @@ from monodyn.estimation.arrival import Arrival, symmetric
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.parts import Common
 from monodyn.estimation.record.samples import Data, Pieces, prepare
+from monodyn.estimation.shooting.common import left_open, less, whitened_shifts
 from monodyn.estimation.shooting.instance import Instance
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.shoot import choose_substeps, most_off
 from monodyn.estimation.shooting.trial import Trial
-from monodyn.estimation.verdict.common import left_open, less
 from monodyn.estimation.verdict.regrouped import Trees, features
 from monodyn.estimation.verdict.surrogate import BESIDES, STEP, UNEXPLAINED
-from monodyn.estimation.verdict.uncertainty import covariance_of, whitened_shifts
+from monodyn.estimation.verdict.uncertainty import covariance_of
 from monodyn.mechanism import Mechanism
 from monodyn.optimize import Arrow, SearchSettings, minimize_arrow
 from monodyn.types import Poses

@@ -1,11 +1,11 @@
 """Which kind of torque acts, by the evidence: from the simplest on, until nothing is lacking.
 
-The rule: friction stays as long as what it leaves over is no slower or smaller than the noise; quadratic
-drag, and bodies whose mass may lie anywhere, are taken where Schwarz's criterion prefers them; a torque over
-time only where, in rows that it was found without, it halves the error of the best of these, at the
-beginnings and at the ends of the records. What does not explain the motion has to leave less than tilted
-gravity, another clock or a base that swings, and such a torque half of it. Where no kind explains the motion,
-it is searched from further starts.
+The rule: friction stays as long as what it leaves over is no slower or smaller than the noise, or is what a
+picture leaves open of all positions together; quadratic drag, and bodies whose mass may lie anywhere, are
+taken where Schwarz's criterion prefers them; a torque over time only where, in rows that it was found
+without, it halves the error of the best of these, at the beginnings and at the ends of the records. What does
+not explain the motion has to leave less than tilted gravity, another clock or a base that swings, and such a
+torque half of it. Where no kind explains the motion, it is searched from further starts.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from monodyn.estimation.shooting.search import difference_size
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.estimation.shooting.starts import match, matched
 from monodyn.estimation.torque.bodies import fit_free_bodies
-from monodyn.estimation.torque.evidence import at_noise, likeliest, pays
+from monodyn.estimation.torque.evidence import at_noise, cleared, likeliest, pays
 from monodyn.estimation.torque.fourier import fit_series, series_of
 from monodyn.estimation.torque.free import fit_free_torques, residual_rms
 from monodyn.estimation.torque.friction import (
@@ -88,7 +88,7 @@ def fit_auto(mechanism: Mechanism, task: Task) -> TorqueSolution:
     # often as the start, and many starts in vain take longer than the search of a period
     once = replace(task, settings=replace(task.settings, starts=1))
     solution = fit_friction(mechanism, once)
-    if solution.optimum is None or _explained(solution):
+    if solution.optimum is None or _explained(solution) or _explained_by_the_picture(solution, once):
         return solution
     found = _further(mechanism, once, solution)
     if found.problem.mechanism.torque != "friction" or _explained(found) or task.settings.starts == 1:
@@ -162,6 +162,12 @@ class _Spring(NamedTuple):
 def _explained(solution: TorqueSolution) -> bool:
     optimum = solution.optimum
     return optimum is not None and at_noise(solution.problem, optimum)
+
+
+def _explained_by_the_picture(solution: TorqueSolution, task: Task) -> bool:
+    """Return whether errors of the picture, which all positions share, are what a solution leaves over."""
+    problem, optimum = solution.problem, solution.optimum
+    return optimum is not None and cleared(problem, optimum, task.search(problem).route) is not None
 
 
 def _likeliest(tried: list[_Tried]) -> _Tried:

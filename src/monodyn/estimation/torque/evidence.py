@@ -1,11 +1,15 @@
-"""Which further unknowns are justified: they must explain more than chance would."""
+"""Which further unknowns are justified: they must explain more than chance would, and than what the positions
+have in common does, which a picture leaves open."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.estimation.parts import Common
+from monodyn.estimation.shooting.common import common_error, less, unknown_errors
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.mechanism import Mechanism
@@ -24,6 +28,22 @@ CHANCE = 2.0
 """... and above this many standard deviations of what chance makes of residuals as large."""
 FARTHEST = 4.0
 """A residual beyond this many typical ones counts as that: a gross error is no torque."""
+LIKELY = 3.0
+"""Deviations up to which what the positions have in common is taken for the reason."""
+
+
+class Cleared(NamedTuple):
+    """A fit to positions less what they have in common.
+
+    Attributes:
+        common: What that is.
+        problem: The problem with such positions.
+        optimum: Its optimum.
+    """
+
+    common: Common
+    problem: Problem
+    optimum: Optimum
 
 
 def slow_part(problem: Problem, optimum: Optimum) -> float:
@@ -63,6 +83,32 @@ def at_noise(problem: Problem, optimum: Optimum) -> bool:
     """
     rows = max(int(problem.data.measured.any(axis=1).sum()), 1)
     return slow_part(problem, optimum) ** 2 < max(SLOW**2, CHANCE * optimum.sigma**2 / np.sqrt(rows))
+
+
+def cleared(problem: Problem, optimum: Optimum, route: Route) -> Cleared | None:
+    """Take off what the positions have in common, where that is what an optimum leaves over.
+
+    No torque, and no mass, should stand for a camera that is turned or a size that is off: within the errors
+    that the picture states these are as likely as not.
+
+    Args:
+        problem: The problem.
+        optimum: Its optimum.
+        route: How exact the search is.
+
+    Returns:
+        The fit without it; None where that leaves more than noise, where an error would be unlikely, or where
+        the positions have none in common.
+    """
+    before = unknown_errors(problem.data)
+    if before is None or not optimum.complete:
+        return None
+    common = common_error(problem, optimum.trial, before.mean)
+    if np.abs(common.mean).max() > LIKELY:
+        return None
+    without = problem.with_data(less(problem.data, common.mean))
+    found = fit_pieces(without, optimum.trial, route, route.fine)
+    return Cleared(common, without, found) if at_noise(without, found) else None
 
 
 def pays(before: Optimum, after: Optimum, added: int) -> bool:

@@ -8,13 +8,14 @@ import numpy as np
 
 from monodyn.choices import is_bundled
 from monodyn.estimation.fit import Fit
+from monodyn.estimation.shooting.common import without_states
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined
 from monodyn.estimation.verdict.shares import Share, added
-from monodyn.estimation.verdict.uncertainty import Knowledge, knowledge_at, without_states
+from monodyn.estimation.verdict.uncertainty import Knowledge, knowledge_at
 from monodyn.mechanism import Mechanism
 
 GRAVITY_STD = 1.5e-3

@@ -14,6 +14,7 @@ import numpy as np
 from monodyn.estimation.parts import Common
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.common import common_error, left_open, less, unknown_errors
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.scaling import (
     with_clock_of_start,
@@ -32,7 +33,7 @@ from monodyn.estimation.shooting.shoot import (
     with_proportions,
 )
 from monodyn.estimation.shooting.trial import Trial
-from monodyn.estimation.verdict.common import common_error, left_open, less, unknown_errors
+from monodyn.estimation.torque.evidence import at_noise, cleared
 from monodyn.estimation.verdict.trust import LOST_NOISE, LOST_SHARE
 from monodyn.estimation.verdict.uncertainty import Knowledge, NoiseFactors, knowledge_at, noise_factors
 from monodyn.mechanism.simulate import rollout, transitions
@@ -129,6 +130,11 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     if route.share:
         optimum = _as_seen(stated, optimum)
     whole, steps, rounds = stated, None, 0
+    if common is not None and not at_noise(stated, optimum):
+        # noise that holds such errors is large and correlated, and only slowly gives way to them
+        without = cleared(stated, optimum, route)
+        if without is not None:
+            common, stated, optimum = without
     most = 1 if route.share else NOISE_ROUNDS if common is None else COMMON_ROUNDS
     noise = _noise(stated, optimum)
     while True:

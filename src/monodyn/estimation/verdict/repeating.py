@@ -17,13 +17,14 @@ from itertools import product
 import numpy as np
 
 from monodyn.cores import on_all_cores
+from monodyn.estimation.shooting.common import without_states
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.refine import Refined
 from monodyn.estimation.verdict.shares import Share, added
-from monodyn.estimation.verdict.uncertainty import knowledge_at, without_states
+from monodyn.estimation.verdict.uncertainty import knowledge_at
 from monodyn.estimation.verdict.unmodelled import Wander, wander
 
 WAVES, MOST_WAVES = 48, 192

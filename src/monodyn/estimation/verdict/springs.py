@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from monodyn.estimation.shooting.common import without_states
 from monodyn.estimation.torque.laws import sprung
 from monodyn.estimation.verdict.refine import Refined
-from monodyn.estimation.verdict.uncertainty import without_states
 from monodyn.estimation.wording import listed
 
 CONFUSED = 5.0

@@ -11,13 +11,13 @@ from monodyn.estimation.fit import Doubt, Estimate, Fit
 from monodyn.estimation.parts import Start
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.common import by_record
 from monodyn.estimation.shooting.prior import Proportion, size_ratios, thickness_ratios
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, relative_difference
 from monodyn.estimation.torque.task import TorqueSolution
 from monodyn.estimation.verdict import advice, assumed, undetermined
 from monodyn.estimation.verdict.combinations import combinations
-from monodyn.estimation.verdict.common import by_record
 from monodyn.estimation.verdict.gravity import density_shares, gravity_share
 from monodyn.estimation.verdict.intervals import estimates
 from monodyn.estimation.verdict.posterior import Posterior, posterior

@@ -14,12 +14,12 @@ import numpy as np
 
 from monodyn.arrays import plain
 from monodyn.cores import on_all_cores
+from monodyn.estimation.shooting.common import whitened_shifts
 from monodyn.estimation.shooting.prior import PROPORTION_STD, size_ratios
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.shooting.unknowns import FORCES
 from monodyn.estimation.verdict.regrouped import Trees, features
-from monodyn.estimation.verdict.uncertainty import whitened_shifts
 from monodyn.mechanism.assembled import links_of_many
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.plan import JOINT_COLUMNS

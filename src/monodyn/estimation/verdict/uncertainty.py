@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monodyn.estimation.record.samples import Data, Pieces
+from monodyn.estimation.shooting.common import whitened_shifts
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.unknowns import CENTRE_KINDS, Unknowns
 from monodyn.estimation.verdict.stamps import stamp_error
@@ -144,25 +145,6 @@ def covariance_of(unknowns: Unknowns, information: np.ndarray) -> tuple[np.ndarr
     return _with_states(covariance, nothing, [_Local(inverse, gain, np.zeros((len(states), 0)))]), blind
 
 
-def without_states(jacobian: np.ndarray, count: int, pieces: Pieces) -> np.ndarray:
-    """Return derivatives by the shared unknowns less what start states can compensate.
-
-    Args:
-        jacobian: By shared unknowns, then by the start state of the row's piece, (row, dof, column).
-        count: Number of shared unknowns.
-        pieces: Which rows share a start state.
-
-    Returns:
-        Rows, (row dof, param).
-    """
-    found = []
-    for first, stop in zip(pieces.first[:-1], pieces.first[1:], strict=True):
-        rows = jacobian[first:stop].reshape(-1, jacobian.shape[2])
-        shared, (q, _) = rows[:, :count], np.linalg.qr(rows[:, count:])
-        found.append(shared - q @ (q.T @ shared))
-    return np.concatenate(found)
-
-
 def _known(
     unknowns: Unknowns, x: np.ndarray, covariance: np.ndarray, blind: np.ndarray, full: np.ndarray
 ) -> Knowledge:
@@ -179,18 +161,6 @@ class _Local(NamedTuple):
     covariance: np.ndarray
     gain: np.ndarray
     shift: np.ndarray
-
-
-def whitened_shifts(data: Data) -> np.ndarray:
-    """Return what moves the positions together as the residuals have it, (row, dof, direction).
-
-    Args:
-        data: The data.
-    """
-    rows, dofs = data.position.shape
-    if data.shifts is None:
-        return np.zeros((rows, dofs, 0))
-    return data.white @ np.moveaxis(data.shifts, 0, 2)
 
 
 def _split(triangle: np.ndarray, unknowns: Unknowns) -> tuple[np.ndarray, np.ndarray]:

@@ -25,7 +25,7 @@ CHANGED_SHARE = 0.3
 """Share of the contrast of what stands out most from which a pixel has changed, where that is less."""
 SHOWN, BEHIND, FRAME = slice(0, 3), slice(3, 6), 6
 """Columns of a table of pixels: colour, colour of the background there, and number of the frame."""
-CONTRAST_FRAMES, PICKED_FRAMES = 12, 24
+PICKED_FRAMES = 12
 """Samples, about, that are enough for the contrast of what moves, and for its colours."""
 PIXELS_AT_ONCE = 17_000_000
 """Pixels of all the samples that are gone through at a time, about."""
@@ -77,7 +77,7 @@ def least_contrast(samples: Sequence[Frame], background: Background, grey_only: 
         squares = apart(thinned(frame.luma, None if grey_only else frame.chroma, step), behind)
         return squares[(squares > least) & counts]
 
-    picks = samples[:: spacing(len(samples), CONTRAST_FRAMES)]
+    picks = samples[:: spacing(len(samples), PICKED_FRAMES)]
     sizes = np.sqrt(np.concatenate(on_all_cores(changed, picks)))
     typical = float(np.percentile(sizes, 95.0)) if len(sizes) else 0.0
     return float(np.clip(CHANGED_SHARE * typical, CHANGED_NOISE * background.noise, MOST_CONTRAST))

@@ -17,7 +17,6 @@ from monodyn.estimation.record.samples import Data, Pieces
 from monodyn.estimation.record.shared import moves_a_zero
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
-from monodyn.estimation.verdict.uncertainty import whitened_shifts, without_states
 from monodyn.types import Poses
 
 ALIKE = 10.0
@@ -117,6 +116,37 @@ def by_record(common: Common, records: Sequence[Poses]) -> tuple[Common | None, 
         found.append(common.of(slice(first, first + count)) if count else None)
         first += count
     return tuple(found)
+
+
+def whitened_shifts(data: Data) -> np.ndarray:
+    """Return what moves the positions together as the residuals have it, (row, dof, direction).
+
+    Args:
+        data: The data.
+    """
+    rows, dofs = data.position.shape
+    if data.shifts is None:
+        return np.zeros((rows, dofs, 0))
+    return data.white @ np.moveaxis(data.shifts, 0, 2)
+
+
+def without_states(jacobian: np.ndarray, count: int, pieces: Pieces) -> np.ndarray:
+    """Return derivatives by the shared unknowns less what start states can compensate.
+
+    Args:
+        jacobian: By shared unknowns, then by the start state of the row's piece, (row, dof, column).
+        count: Number of shared unknowns.
+        pieces: Which rows share a start state.
+
+    Returns:
+        Rows, (row dof, param).
+    """
+    found = []
+    for first, stop in zip(pieces.first[:-1], pieces.first[1:], strict=True):
+        rows = jacobian[first:stop].reshape(-1, jacobian.shape[2])
+        shared, (q, _) = rows[:, :count], np.linalg.qr(rows[:, count:])
+        found.append(shared - q @ (q.T @ shared))
+    return np.concatenate(found)
 
 
 def _projected(
