@@ -3,7 +3,11 @@ of a wild motion, against the fit of that stretch and the truth."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,13 +18,13 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.window import ahead
 from monodyn.live import horizon
 from monodyn.live.estimate import Estimate
-from monodyn.live.horizon import Horizon, _inverses, horizon_of
+from monodyn.live.horizon import MOST_GROWN, Horizon, _inverses, followed_from, horizon_of
 from monodyn.live.settings import LiveSettings
-from monodyn.mechanism import load
+from monodyn.mechanism import Mechanism, load
 from monodyn.stages import identify
-from monodyn.types import TorqueLog
+from monodyn.types import Poses, TorqueLog
 from support import refuses
-from swings import double_truth, motion, record
+from swings import double_truth, motion, record, white
 
 FIXED = {"link1.thickness": 0.006, "link1.width": 0.02, "link2.width": 0.02}
 BEGUN, FRAMES = 60, 150
@@ -104,6 +108,53 @@ def test_what_is_held_upright_for_long_begins_no_window(monkeypatch: pytest.Monk
     monkeypatch.setattr(horizon, "_check_followed", lambda *_: None)
     monkeypatch.setattr(horizon, "refit", lambda *_, **__: drowned())
     assert horizon_of(fit, truth, rows, LiveSettings(), lambda *_: rows.torques) is None
+
+
+def rested(model: Mechanism, position: Sequence[float], frames: int, rate: float = 60.0) -> Poses:
+    """Return rows at rest, with a slide in the start scale."""
+    names = tuple(joint.name for joint in model.joints)
+    return white(names, np.arange(frames) / rate, np.tile(position, (frames, 1)), 1e-9, metric=False)
+
+
+def known(mechanism: Mechanism, scale: float = 1.0) -> Any:
+    """Return what is known of a mechanism."""
+    return SimpleNamespace(mechanism=mechanism, scale=scale)
+
+
+def test_how_long_a_motion_can_be_followed_where_it_falls_over() -> None:
+    """Beside the upper equilibrium an error grows as exp(w t) / 2, or w / 2 as much for one of the rate."""
+    single = load("single").with_values({"joint1.damping": 0.0})
+    values = single.values
+    moment = values["link1.mass"] * values["link1.com_x"]
+    w = np.sqrt(moment * 9.81 / (values["link1.inertia"] + moment * values["link1.com_x"]))
+    assert w > 1.0
+    count, rate = 600, 60.0
+    first = followed_from(known(single), rested(single, [np.pi / 2], count))
+    seconds = (count - 1 - first) / rate
+    assert seconds == pytest.approx(np.log(2.0 * MOST_GROWN) / w, abs=2.5 / rate)
+    assert followed_from(known(single), rested(single, [-np.pi / 2], count)) == 0
+    # with too few rows of a joint nothing is known of it
+    rows = rested(single, [np.pi / 2], count)
+    hidden = np.arange(count) >= 3
+    unseen = replace(rows, position=np.where(hidden[:, None], np.nan, rows.position), seen=~hidden)
+    assert followed_from(known(single), unseen) == 0
+
+
+def test_a_slide_is_followed_in_metres(tmp_path: Path) -> None:
+    """A mass farther out on an upright rod falls more slowly."""
+    path = tmp_path / "bead.xml"
+    path.write_text(
+        """<mujoco><compiler angle="radian"/><worldbody><body name="rod"><joint name="turn" axis="0 -1 0"/>
+        <geom type="box" size="0.05 0.003 0.01" pos="0.05 0 0"/><body name="bead">
+        <joint name="slide" type="slide" axis="1 0 0" stiffness="40"/>
+        <geom type="box" size="0.01 0.01 0.01" density="8000"/></body></body></worldbody></mujoco>"""
+    )
+    bead = load(path)
+    first = [
+        followed_from(known(bead, scale), rested(bead, [np.pi / 2, place], 600))
+        for scale, place in ((1.0, 0.4), (4.0, 0.1), (1.0, 0.1))
+    ]
+    assert first[0] == first[1] < first[2] - 10
 
 
 def drowned() -> None:

@@ -251,3 +251,35 @@ def test_a_stretch_from_which_nothing_goes_on_is_a_doubt_where_its_model_does_no
     identifier._take_up(Reviewed(fit, None, 3.0))
     assert identifier._horizon is going_on
     assert doubts == ([why] if why else [])
+
+
+@pytest.mark.parametrize(("followed", "identified_from"), [(0, 0), (45, 45), (46, None), (90, None)])
+def test_of_a_stretch_that_ends_upright_nothing_is_identified(begun, monkeypatch, followed, identified_from):
+    """Where half of it can be followed as one motion that is, and the next look comes as ever."""
+    given: list[list[int]] = []
+    fit = identified()
+
+    def identify(poses: Poses, *_: object) -> object:
+        given.append(poses.frame.tolist())
+        return fit
+
+    monkeypatch.setattr("monodyn.live.identifier.identify", identify)
+    monkeypatch.setattr("monodyn.live.identifier.horizon_of", lambda *_: None)
+    monkeypatch.setattr("monodyn.live.identifier.followed_from", lambda *_: followed)
+    identifier, stretch, nothing = begun(), rows(0, 91), cast(Any, None)
+    done = identifier._reviewed(stretch, nothing, fit)
+    assert given == ([] if identified_from is None else [list(range(identified_from, 91))])
+    assert (done is None) == (identified_from is None)
+    # what nothing is known of is identified as it is
+    assert identifier._reviewed(stretch, nothing, None) is not None
+    assert given[-1] == list(range(91))
+
+
+def test_it_is_looked_again_soon_after_a_stretch_that_was_left_out(begun):
+    identifier = begun()
+    identifier._review = cast(Any, SimpleNamespace(done=lambda: True, result=lambda: None))
+    before = identifier.fit
+    identifier.take(rows(45, 46))
+    assert identifier._review is None
+    assert identifier.fit is before
+    assert identifier._next == pytest.approx(45 / RATE + LiveSettings().begin)

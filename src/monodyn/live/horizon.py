@@ -36,6 +36,7 @@ from monodyn.live.estimate import Estimate
 from monodyn.live.record import joined
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.simulate import transitions
 from monodyn.results.fill import random_push
 from monodyn.results.predict import Prediction
 from monodyn.types import Poses, TorqueLog
@@ -63,6 +64,8 @@ EXPLAINED, MOST_ROWS = 3.0, 0.9
 share of its rows that have no larger one."""
 MOST_GROWN = 1e6
 """How much an error may grow over rows that begin a window: its square leaves four digits of the rest."""
+ROUGH_STEPS = 2
+"""Integration steps between two rows by which it is seen how errors grow."""
 SURE = 1e10
 """Size of a matrix times that of its inverse up to which rounding leaves the latter as it is."""
 AT_ONCE = 0.25
@@ -290,6 +293,32 @@ def horizon_of(
         return Horizon(fit, mechanism, poses, window=live.window, ahead=live.ahead, acting=acting)
     except (MonodynError, ArithmeticError, np.linalg.LinAlgError):
         return None
+
+
+def followed_from(fit: Fit, poses: Poses) -> int:
+    """Return the first row from which one motion can be followed to the last one, as a window is.
+
+    Args:
+        fit: What is known of the mechanism.
+        poses: Rows of one record.
+
+    Returns:
+        The row from before which an error has grown by more than ``MOST_GROWN``, as where the mechanism was
+        held upright for long. The first one where that is not known, as of a joint that is hardly seen.
+    """
+    smoothed = smooth(poses)
+    slides = [joint.kind == "slide" and not poses.metric for joint in fit.mechanism.joints]
+    unit = np.where(slides, fit.scale, 1.0)
+    motion = np.hstack((smoothed.position * unit, smoothed.velocity * unit))
+    if not np.isfinite(motion).all():
+        return 0
+    slopes = transitions(fit.mechanism.tree, smoothed.time, motion, substeps=ROUGH_STEPS)
+    grown = np.eye(motion.shape[1])[: len(unit)]
+    for row in range(len(slopes) - 1, 0, -1):
+        grown = grown @ slopes[row]
+        if np.abs(grown).max() > MOST_GROWN:
+            return row
+    return 0
 
 
 def _inverses(matrices: np.ndarray) -> np.ndarray:

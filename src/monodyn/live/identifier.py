@@ -15,7 +15,7 @@ from monodyn.estimation.fit import Fit
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.live.begin import Begun
 from monodyn.live.estimate import Estimate
-from monodyn.live.horizon import LONGEST_GAP, Acting, Horizon, horizon_of
+from monodyn.live.horizon import LONGEST_GAP, Acting, Horizon, followed_from, horizon_of
 from monodyn.live.record import Record, joined
 from monodyn.live.settings import LiveSettings
 from monodyn.mechanism import Mechanism
@@ -26,6 +26,8 @@ HARDLY = 0.2
 """Share of the widest motion so far up to which a stretch hardly moves."""
 LEAST_POSES = 20
 """Whole poses of a stretch that is identified anew, at least."""
+FOLLOWED = 0.5
+"""Share of a stretch, at its end, that has to be followed as one motion for it to be identified anew."""
 GROWTH = 2.0
 """How much longer the next stretch that is identified anew is, until it is as long as it may be."""
 
@@ -90,7 +92,7 @@ class Identifier:
         self._horizon: Horizon | None = None
         self._pending: list[Poses] = []
         self._estimating: Future[Estimate | None] | None = None
-        self._review: Future[Reviewed] | None = None
+        self._review: Future[Reviewed | None] | None = None
         self._seen, self._astray, self._moved = -math.inf, -math.inf, np.zeros(0)
         self._fresh = False
         self._rests = -math.inf
@@ -218,7 +220,10 @@ class Identifier:
                 self._look_anew(float(found.time[-1]))
         if self._review is not None and self._review.done() and self._estimating is None:
             done, self._review = self._review.result(), None
-            self._take_up(done)
+            if done is None:
+                self._next = self._seen + self._live.begin
+            else:
+                self._take_up(done)
 
     def _look_anew(self, now: float) -> None:
         """Identify anew what moves from now on: what came before tells nothing of it."""
@@ -256,10 +261,19 @@ class Identifier:
             self._next = now + self._live.begin
         else:
             self._moved = np.maximum(moved, self._moved)
-            self._review = self._long.submit(self._reviewed, rows, self._mechanism)
+            known = None if self._horizon is None else self.fit
+            self._review = self._long.submit(self._reviewed, rows, self._mechanism, known)
 
-    def _reviewed(self, poses: Poses, mechanism: Mechanism) -> Reviewed:
-        """Identify a stretch from nothing."""
+    def _reviewed(self, poses: Poses, mechanism: Mechanism, known: Fit | None) -> Reviewed | None:
+        """Identify a stretch from nothing, or the end of it that one motion follows by what is known.
+
+        None for a short end: while it is held upright no motion does, and the search for one takes a minute.
+        """
+        if known is not None:
+            later = poses[followed_from(known, poses) :]
+            if np.ptp(later.time) < FOLLOWED * np.ptp(poses.time):
+                return None
+            poses = later
         acted = self._acting(float(poses.time[0]), float(poses.time[-1]))
         fit = identify(replace(poses, torques=acted), mechanism, self._settings)
         horizon = horizon_of(fit, mechanism, poses, self._live, self._acting)
