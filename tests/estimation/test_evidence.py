@@ -53,6 +53,9 @@ def cleared_of(poses: Poses, double) -> tuple[bool, Cleared | None]:
     problem = posed(double, prepare([poses], double))
     search = Search(problem, (smooth(poses),), IdentifySettings(), None)
     optimum, _ = search.from_starts()
+    # a motion that was not followed to its end tells nothing
+    lost: Any = SimpleNamespace(complete=False)
+    assert cleared(problem, lost, search.route) is None
     return at_noise(problem, optimum), cleared(problem, optimum, search.route)
 
 

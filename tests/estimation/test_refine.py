@@ -18,6 +18,8 @@ from monodyn.mechanism.tree import Measured
 from monodyn.stages import identify
 from swings import TIMES, leaning, motion, record, sigmas
 
+VISCOUS = IdentifySettings(torque="friction", starts=1)
+
 
 def test_gross_errors_and_gaps(poses, double, truth):
     position = poses.position.copy()
@@ -164,10 +166,15 @@ def test_noise_that_holds_errors_of_a_camera_gives_way_to_them(truth, double, mo
     poses = replace(wrong, shifts=shifts)
 
     def missed() -> float:
-        common = identify(poses, double, IdentifySettings(torque="friction", starts=1)).common_of(0)
+        common = identify(poses, double, VISCOUS).common_of(0)
         assert common is not None
         return float(np.abs(common.mean - off).max())
 
     assert missed() < 0.2
+    asked = []
+    monkeypatch.setattr("monodyn.estimation.verdict.refine.cleared", lambda *_: asked.append(_))
+    # where nothing but noise is left over there is nothing to give way
+    assert identify(replace(record(truth, times, position), shifts=shifts), double, VISCOUS).ok
+    assert not asked
     monkeypatch.setattr("monodyn.estimation.verdict.refine.cleared", lambda *_: None)
     assert missed() > 0.8

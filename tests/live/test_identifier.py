@@ -283,3 +283,16 @@ def test_it_is_looked_again_soon_after_a_stretch_that_was_left_out(begun):
     assert identifier._review is None
     assert identifier.fit is before
     assert identifier._next == pytest.approx(45 / RATE + LiveSettings().begin)
+
+
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_only_a_fit_that_something_goes_on_from_says_what_can_be_followed(begun, monkeypatch, goes_on):
+    identifier, asked = begun(rows(45, 120)), []
+    identifier._mechanism = cast(Any, "the mechanism")
+    identifier._horizon = cast(Any, SimpleNamespace()) if goes_on else None
+    monkeypatch.setattr(identifier._long, "submit", lambda *given: asked.append(given))
+    identifier._look_again(identifier._next)
+    ((_, poses, mechanism, known),) = asked
+    assert mechanism == "the mechanism"
+    assert len(poses) == 120
+    assert known is (identifier.fit if goes_on else None)

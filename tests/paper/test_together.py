@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from chains import ALL_FREE, CAMERA, POSE, chain, chain_picture, falls, view_of
+from chains import ALL_FREE, CAMERA, LENGTHS, POSE, WIDTHS, chain, chain_picture, falls, view_of
 from monodyn.paper.placed import DEPTH, FOCAL, X
-from monodyn.paper.subproblems import camera_placed, mismatch
+from monodyn.paper.start_model import StartModel
+from monodyn.paper.subproblems import LEAST_SIZE_PX, camera_placed, mismatch
 from monodyn.paper.together import fit_together
 from monodyn.paper.view import ModelView, SilhouetteImage, silhouette_image
 from monodyn.types import FULL
@@ -59,23 +60,56 @@ def test_the_line_of_a_body_is_found_where_areas_and_centroids_miss_it(tmp_path:
 def test_what_is_known_stays(tmp_path: Path, free: str) -> None:
     """A coordinate of the camera that is not free keeps its value to the last bit, as does a held joint."""
     true = view_of(chain(tmp_path))
-    limits = np.array([[POSE[0] + 0.02, -3.0], [POSE[0] + 0.02, 3.0]])
+    held, most = POSE[0] + 0.02, POSE[1] - 0.15
     start = replace(
-        true, free=ALL_FREE._replace(**{free: False}), limits=limits, position=np.array([limits[0, 0], 0.75])
-    )
+        true, free=ALL_FREE._replace(**{free: False}), limits=np.array([[held, -3.0], [held, most]]),
+        position=np.array([held, most - 0.1]),
+    )  # fmt: skip
     found, _ = fit_together(lacking(), start)
     moved = found.base.camera != start.base.camera
     names = ("x", "y", "depth")
     assert {name for name, one in zip(names, moved[X : DEPTH + 1], strict=True) if one} == set(names) - {free}
-    assert found.position[0] == limits[0, 0]
-    assert found.position[1] != 0.75
+    # the other one would go beyond its limit
+    assert found.position.tolist() == [held, most]
+
+
+def test_a_reference_that_is_searched_leaves_the_depth(tmp_path: Path) -> None:
+    """As the strict framework has it: the first length takes the place of the depth."""
+    mechanism = chain(tmp_path)
+    view = replace(StartModel(mechanism, CAMERA, ()).view(reference_held=False), position=POSE)
+    assert view.reference in view.searched
+    start = replace(view, sizes=1.05 * view.sizes).before(view_of(mechanism).base.camera)
+    found, _ = fit_together(lacking(), start)
+    assert found.base.camera[DEPTH] == start.base.camera[DEPTH]
+    place = view.searched.index(view.reference)
+    assert found.sizes[place] != start.sizes[place]
 
 
 def test_bounds_of_sizes_hold(tmp_path: Path) -> None:
-    """The second size may not reach its true value."""
+    """One size may not reach its true value, and none becomes so small that it is no longer seen."""
     true = view_of(chain(tmp_path))
     upper = true.upper.copy()
     upper[1] = 0.9 * true.sizes[1]
     found, _ = fit_together(lacking(), replace(true, upper=upper, sizes=np.minimum(true.sizes, upper)))
     assert (found.sizes <= upper).all()
     assert found.sizes[1] == upper[1]
+    thin = replace(true, upper=np.full(len(true.sizes), 0.1 * PX), lower=np.zeros(len(true.sizes)))
+    thin = replace(thin, upper=np.where(true.overhang, thin.upper, 1.2 * LEAST_SIZE_PX * PX))
+    found, _ = fit_together(lacking(), replace(thin, sizes=np.minimum(true.sizes, 0.5 * PX)))
+    assert (found.sizes[~true.overhang] >= LEAST_SIZE_PX * PX * (1.0 - 1e-9)).all()
+
+
+def test_the_search_does_not_depend_on_the_unit_of_length(tmp_path: Path) -> None:
+    """A mechanism a thousand times as large, from as far away, in the same steps."""
+    found = []
+    for k, factor in enumerate((1.0, 1000.0)):
+        folder = tmp_path / str(k)
+        folder.mkdir()
+        lengths, widths = (tuple(factor * one for one in sizes) for sizes in (LENGTHS, WIDTHS))
+        camera = replace(CAMERA, x=factor * CAMERA.x, y=factor * CAMERA.y, depth=factor * CAMERA.depth)
+        # the thickness of a box stays, which is little of the distance
+        view = view_of(chain(folder, lengths, widths), camera, POSE + np.array([0.03, -0.05]))
+        found.append(fit_together(lacking(), view))
+    (one, fell), (other, fell_too) = found
+    assert fell_too.values[-1] == pytest.approx(fell.values[-1], rel=0.05)
+    np.testing.assert_allclose(one.position, other.position, atol=np.radians(0.5))

@@ -310,8 +310,6 @@ def followed_from(fit: Fit, poses: Poses) -> int:
     slides = [joint.kind == "slide" and not poses.metric for joint in fit.mechanism.joints]
     unit = np.where(slides, fit.scale, 1.0)
     motion = np.hstack((smoothed.position * unit, smoothed.velocity * unit))
-    if not np.isfinite(motion).all():
-        return 0
     slopes = transitions(fit.mechanism.tree, smoothed.time, motion, substeps=ROUGH_STEPS)
     grown = np.eye(motion.shape[1])[: len(unit)]
     for row in range(len(slopes) - 1, 0, -1):

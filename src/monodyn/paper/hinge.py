@@ -15,7 +15,6 @@ import numpy as np
 
 from monodyn.mechanism.tree import HINGE
 from monodyn.optimize.bracket import golden_section
-from monodyn.paper.sequential import rescaled
 from monodyn.paper.silhouettes import SilhouetteFrame
 from monodyn.paper.start_model import StartModel
 from monodyn.paper.starts import pose_by_beam
@@ -73,13 +72,14 @@ def along_first_body(
         The mechanism, and the number of silhouettes drawn; unchanged where nothing is open: no free tail, a
         first joint that slides, or a camera whose place is known.
     """
-    body, drawn = _first_body(view, model), 0
-    if body is None:
+    drawn = 0
+    if _first_body(view, model) is None:
         return view, drawn
     if mismatch(own.image, view.rig, view.position) < HOPELESS * own.image.area:
-        together, history = fit_together(own.image, view)
-        view, drawn = rescaled(together), int(history.evaluations[-1])
-        body = _first_body(view, model) or body
+        view, history = fit_together(own.image, view)
+        drawn = int(history.evaluations[-1])
+    body = _first_body(view, model)
+    assert body is not None, "what was open stays so"
 
     def gap(shift: float) -> float:
         nonlocal drawn

@@ -87,7 +87,7 @@ def strict(image: SilhouetteImage, view: ModelView, schedule: RoundSchedule | No
         histories += own
         if len(view.searched):
             found, history = fit_ratios(image, _held(view), step=schedule.sizes * share)
-            view = rescaled(replace(found, free=view.free))
+            view = _rescaled(replace(found, free=view.free))
             histories.append(history)
         value = mismatch(image, view.rig, view.position)
         # equal areas and centroids are not the least mismatch, so a round may end above the one before: the
@@ -219,15 +219,12 @@ def _held(view: ModelView) -> ModelView:
     return replace(view, free=CAMERA_HELD)
 
 
-def rescaled(view: ModelView) -> ModelView:
+def _rescaled(view: ModelView) -> ModelView:
     """Return the view with its reference size at its value again; camera and slides come along.
 
     Before a camera that is held the picture shows every size. Their common scale goes to the camera's
     distance from the first joint, which leaves the picture as it is but for sizes that a picture does not
     show (thickness).
-
-    Args:
-        view: The mechanism as found before a camera that was held.
     """
     if view.reference not in view.searched:
         return view

@@ -281,19 +281,7 @@ def pose_directions(rig: Rig, position: np.ndarray, free: np.ndarray) -> np.ndar
         there = position.copy()
         there[i] += TURNED
         slopes[k] = (outline_points(rig, there) - here).ravel() / TURNED
-    return independent(slopes)
-
-
-def independent(slopes: np.ndarray) -> np.ndarray:
-    """Return directions that move the picture independently, by one pixel each.
-
-    Args:
-        slopes: By how much each unknown moves the outline's points, (param, 2 point).
-
-    Returns:
-        Directions as columns [unknown by px], (param, param).
-    """
-    metric = 2.0 * slopes @ slopes.T / slopes.shape[1]
+    metric = 2.0 * slopes @ slopes.T / here.size
     # behind the camera the points are NaN: all eigenvalues are then zero, and the floor gives any direction
     values, vectors = np.linalg.eigh(np.nan_to_num(metric))
     return vectors / np.sqrt(np.maximum(values, FLATTEST * max(float(values[-1]), 1e-9)))
