@@ -287,6 +287,27 @@ def test_further_starts_where_no_kind_with_the_same_bodies_follows(monkeypatch, 
     assert len(asked) == starts
 
 
+def test_where_further_starts_lead_to_what_a_picture_is_wrong_by_nothing_more_is_tried(monkeypatch):
+    def solved(follows):
+        problem = SimpleNamespace(
+            unknowns=SimpleNamespace(uniform=True), mechanism=SimpleNamespace(torque="friction")
+        )
+        return SimpleNamespace(problem=problem, optimum=SimpleNamespace(follows=follows))
+
+    first, again = solved(False), solved(False)
+    tried: list[Any] = []
+    monkeypatch.setattr(Task, "search", lambda *_: SimpleNamespace(explained=lambda optimum: False))
+    monkeypatch.setattr(auto, "_explained", lambda _: False)
+    monkeypatch.setattr(auto, "_explained_by_the_picture", lambda solution, _: solution is again)
+    monkeypatch.setattr(auto, "fit_friction", lambda *_: first)
+    monkeypatch.setattr(auto, "_further", lambda _, __, solution: tried.append(solution) or solution)
+    monkeypatch.setattr(auto, "_from_further_starts", lambda *_: again)
+    monkeypatch.setattr(auto, "likeliest", lambda _: 1)
+    nothing: Any = None
+    assert auto.fit_auto(load("double"), Task(nothing, (), AUTO, None)) is again
+    assert tried == [first]
+
+
 LONGER = np.arange(120) / 60.0
 """Time stamps of records that a picture is wrong about [s], (frame,)."""
 

@@ -1,6 +1,7 @@
 """Gross errors are left out where they are short and isolated."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.common import common_error
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.shoot import Optimum, typical
+from monodyn.estimation.torque.evidence import cleared
 from monodyn.estimation.verdict.refine import COMMON_ROUNDS, NOISE_ROUNDS, _as_seen, refine
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
 from monodyn.mechanism import load
@@ -171,6 +173,21 @@ def test_noise_that_holds_errors_of_a_camera_gives_way_to_them(truth, double, mo
         return float(np.abs(common.mean - off).max())
 
     assert missed() < 0.2
+    taken: list[int] = []
+
+    def counting(*given: Any) -> Any:
+        found = cleared(*given)
+        taken.append(found.optimum.evaluations)
+        return found
+
+    monkeypatch.setattr("monodyn.estimation.verdict.refine.cleared", counting)
+    counted = identify(poses, double, VISCOUS).evaluations
+    # what is taken off is found by a search of its own, which counts
+    monkeypatch.setattr(
+        "monodyn.estimation.verdict.refine.cleared",
+        lambda *given: _free_of_charge(cleared(*given)),
+    )
+    assert counted == identify(poses, double, VISCOUS).evaluations + taken[0]
     asked = []
     monkeypatch.setattr("monodyn.estimation.verdict.refine.cleared", lambda *_: asked.append(_))
     # where nothing but noise is left over there is nothing to give way
@@ -178,3 +195,7 @@ def test_noise_that_holds_errors_of_a_camera_gives_way_to_them(truth, double, mo
     assert not asked
     monkeypatch.setattr("monodyn.estimation.verdict.refine.cleared", lambda *_: None)
     assert missed() > 0.8
+
+
+def _free_of_charge(found: Any) -> Any:
+    return found._replace(optimum=replace(found.optimum, evaluations=0))

@@ -133,11 +133,30 @@ def test_how_long_a_motion_can_be_followed_where_it_falls_over() -> None:
     seconds = (count - 1 - first) / rate
     assert seconds == pytest.approx(np.log(2.0 * MOST_GROWN) / w, abs=2.5 / rate)
     assert followed_from(known(single), rested(single, [-np.pi / 2], count)) == 0
-    # with too few rows of a joint nothing is known of it
+    # a clock that runs at half speed
+    slow = single.with_values({"time_scale": 2.0})
+    assert count - 1 - followed_from(known(slow), rested(single, [np.pi / 2], count)) == pytest.approx(
+        0.5 * (count - 1 - first), abs=2
+    )
+    # what is out of sight for a while is not known to grow meanwhile, and the first row is a whole one
     rows = rested(single, [np.pi / 2], count)
-    hidden = np.arange(count) >= 3
-    unseen = replace(rows, position=np.where(hidden[:, None], np.nan, rows.position), seen=~hidden)
-    assert followed_from(known(single), unseen) == 0
+    for hidden, wanted in (((500, 530), first - 30), ((first - 9, first + 9), first - 19), ((3, count), 0)):
+        seen = (np.arange(count) < hidden[0]) | (np.arange(count) >= hidden[1])
+        unseen = replace(rows, position=np.where(seen[:, None], rows.position, np.nan), seen=seen)
+        assert followed_from(known(single), unseen) == pytest.approx(wanted, abs=3)
+
+
+def test_a_motion_of_which_one_joint_is_hidden_is_followed_as_without() -> None:
+    """No motion is made up where it is not seen: from that errors would seem to grow."""
+    times, truth = np.arange(600) / 60.0, double_truth()
+    rows = record(truth, times, motion(truth, times, [0.3, 0.5], [0.0, 1.0]))
+    assert followed_from(known(truth), rows) == 0
+    for begins, ends in ((9.0, 10.0), (5.0, 10.0), (2.0, 4.0)):
+        hidden = (times >= begins) & (times < ends)
+        position = rows.position.copy()
+        position[hidden, 1] = np.nan
+        unseen = replace(rows, position=position, joint_seen=np.isfinite(position), seen=~hidden)
+        assert followed_from(known(truth), unseen) == 0
 
 
 def test_a_slide_is_followed_in_metres(tmp_path: Path) -> None:

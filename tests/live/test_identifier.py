@@ -253,8 +253,13 @@ def test_a_stretch_from_which_nothing_goes_on_is_a_doubt_where_its_model_does_no
     assert doubts == ([why] if why else [])
 
 
-@pytest.mark.parametrize(("followed", "identified_from"), [(0, 0), (45, 45), (46, None), (90, None)])
-def test_of_a_stretch_that_ends_upright_nothing_is_identified(begun, monkeypatch, followed, identified_from):
+@pytest.mark.parametrize(
+    ("followed", "whole", "identified_from"),
+    [(0, 91, 0), (45, 91, 45), (46, 91, None), (90, 91, None), (40, 60, 40), (40, 59, None)],
+)
+def test_of_a_stretch_that_ends_upright_nothing_is_identified(
+    begun, monkeypatch, followed, whole, identified_from
+):
     """Where half of it can be followed as one motion that is, and the next look comes as ever."""
     given: list[list[int]] = []
     fit = identified()
@@ -266,7 +271,8 @@ def test_of_a_stretch_that_ends_upright_nothing_is_identified(begun, monkeypatch
     monkeypatch.setattr("monodyn.live.identifier.identify", identify)
     monkeypatch.setattr("monodyn.live.identifier.horizon_of", lambda *_: None)
     monkeypatch.setattr("monodyn.live.identifier.followed_from", lambda *_: followed)
-    identifier, stretch, nothing = begun(), rows(0, 91), cast(Any, None)
+    stretch = joined([rows(0, whole), rows(whole, 91, seen=False)] if whole < 91 else [rows(0, 91)])
+    identifier, nothing = begun(), cast(Any, None)
     done = identifier._reviewed(stretch, nothing, fit)
     assert given == ([] if identified_from is None else [list(range(identified_from, 91))])
     assert (done is None) == (identified_from is None)
@@ -275,14 +281,21 @@ def test_of_a_stretch_that_ends_upright_nothing_is_identified(begun, monkeypatch
     assert given[-1] == list(range(91))
 
 
-def test_it_is_looked_again_soon_after_a_stretch_that_was_left_out(begun):
-    identifier = begun()
-    identifier._review = cast(Any, SimpleNamespace(done=lambda: True, result=lambda: None))
-    before = identifier.fit
-    identifier.take(rows(45, 46))
-    assert identifier._review is None
-    assert identifier.fit is before
-    assert identifier._next == pytest.approx(45 / RATE + LiveSettings().begin)
+def test_it_is_looked_again_soon_after_a_stretch_that_was_left_out(begun, monkeypatch):
+    """But not later than where the motion has begun anew meanwhile."""
+    for broken in (False, True):
+        identifier = begun(rows(45, 120))
+        identifier._mechanism = cast(Any, "the mechanism")
+        left_out = cast(Any, SimpleNamespace(done=lambda: True, result=lambda: None))
+        monkeypatch.setattr(identifier._long, "submit", lambda *_, left_out=left_out: left_out)
+        now, before = identifier._next, identifier.fit
+        identifier._look_again(now)
+        again = now + LiveSettings().begin
+        assert identifier._next == pytest.approx(again)
+        identifier.take(rows(120, 121), broken=broken)
+        assert identifier._review is None
+        assert identifier.fit is before
+        assert identifier._next == pytest.approx(120 / RATE + LiveSettings().begin if broken else again)
 
 
 @pytest.mark.parametrize("goes_on", [True, False])

@@ -304,18 +304,19 @@ def followed_from(fit: Fit, poses: Poses) -> int:
 
     Returns:
         The row from before which an error has grown by more than ``MOST_GROWN``, as where the mechanism was
-        held upright for long. The first one where that is not known, as of a joint that is hardly seen.
+        held upright for long; between rows in which not all joints are measured none is known to grow.
     """
-    smoothed = smooth(poses)
+    smoothed, stretch = smooth(poses), fit.mechanism.values["time_scale"]
+    whole = poses.measured.all(axis=1)
     slides = [joint.kind == "slide" and not poses.metric for joint in fit.mechanism.joints]
     unit = np.where(slides, fit.scale, 1.0)
-    motion = np.hstack((smoothed.position * unit, smoothed.velocity * unit))
-    slopes = transitions(fit.mechanism.tree, smoothed.time, motion, substeps=ROUGH_STEPS)
+    motion = np.hstack((smoothed.position * unit, smoothed.velocity * unit / stretch))
+    slopes = transitions(fit.mechanism.tree, stretch * smoothed.time, motion, substeps=ROUGH_STEPS)
     grown = np.eye(motion.shape[1])[: len(unit)]
-    for row in range(len(slopes) - 1, 0, -1):
+    for row in 1 + np.flatnonzero(whole[1:] & whole[:-1])[::-1]:
         grown = grown @ slopes[row]
         if np.abs(grown).max() > MOST_GROWN:
-            return row
+            return int(row)
     return 0
 
 

@@ -220,9 +220,7 @@ class Identifier:
                 self._look_anew(float(found.time[-1]))
         if self._review is not None and self._review.done() and self._estimating is None:
             done, self._review = self._review.result(), None
-            if done is None:
-                self._next = self._seen + self._live.begin
-            else:
+            if done is not None:
                 self._take_up(done)
 
     def _look_anew(self, now: float) -> None:
@@ -260,7 +258,7 @@ class Identifier:
         if self._horizon is not None and np.all(moved < HARDLY * self._moved):
             self._next = now + self._live.begin
         else:
-            self._moved = np.maximum(moved, self._moved)
+            self._moved, self._next = np.maximum(moved, self._moved), now + self._live.begin
             known = None if self._horizon is None else self.fit
             self._review = self._long.submit(self._reviewed, rows, self._mechanism, known)
 
@@ -271,7 +269,8 @@ class Identifier:
         """
         if known is not None:
             later = poses[followed_from(known, poses) :]
-            if np.ptp(later.time) < FOLLOWED * np.ptp(poses.time):
+            few = int(later.measured.all(axis=1).sum()) < LEAST_POSES
+            if few or np.ptp(later.time) < FOLLOWED * np.ptp(poses.time):
                 return None
             poses = later
         acted = self._acting(float(poses.time[0]), float(poses.time[-1]))

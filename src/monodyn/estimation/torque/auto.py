@@ -101,7 +101,7 @@ def fit_auto(mechanism: Mechanism, task: Task) -> TorqueSolution:
     again = _from_further_starts(mechanism, task, solution.optimum)
     if again is None:
         return found
-    if not _explained(again):
+    if not (_explained(again) or _explained_by_the_picture(again, once)):
         again = _further(mechanism, once, again)
     if again.optimum is None or found.optimum is None:
         return found

@@ -29,7 +29,8 @@ CHANCE = 2.0
 FARTHEST = 4.0
 """A residual beyond this many typical ones counts as that: a gross error is no torque."""
 LIKELY = 3.0
-"""Deviations up to which what the positions have in common is taken for the reason."""
+"""Deviations in one direction up to which what the positions have in common is taken for the reason; all
+directions together may have one each besides."""
 
 
 class Cleared(NamedTuple):
@@ -88,8 +89,8 @@ def at_noise(problem: Problem, optimum: Optimum) -> bool:
 def cleared(problem: Problem, optimum: Optimum, route: Route) -> Cleared | None:
     """Take off what the positions have in common, where that is what an optimum leaves over.
 
-    No torque, and no mass, should stand for a camera that is turned or a size that is off: within the errors
-    that the picture states these are as likely as not.
+    No drag, and no mass, should stand for a camera that is turned or a size that is off: within the errors
+    that the picture states these are the simpler reason. A drag that hardly shows beside them is not found.
 
     Args:
         problem: The problem.
@@ -104,7 +105,8 @@ def cleared(problem: Problem, optimum: Optimum, route: Route) -> Cleared | None:
     if before is None or not optimum.complete:
         return None
     common = common_error(problem, optimum.trial, before.mean)
-    if np.abs(common.mean).max() > LIKELY:
+    off = np.abs(common.mean)
+    if off.max() > LIKELY or off @ off > LIKELY**2 + len(off):
         return None
     without = problem.with_data(less(problem.data, common.mean))
     found = fit_pieces(without, optimum.trial, route, route.fine)

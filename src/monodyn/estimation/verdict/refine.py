@@ -135,6 +135,7 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
         without = cleared(stated, optimum, route)
         if without is not None:
             common, stated, optimum = without
+            evaluations += optimum.evaluations
     most = 1 if route.share else NOISE_ROUNDS if common is None else COMMON_ROUNDS
     noise = _noise(stated, optimum)
     while True:
