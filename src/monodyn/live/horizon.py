@@ -307,7 +307,7 @@ def followed_from(fit: Fit, poses: Poses) -> int:
         held upright for long; between rows in which not all joints are measured none is known to grow.
     """
     smoothed, stretch = smooth(poses), fit.mechanism.values["time_scale"]
-    whole = poses.measured.all(axis=1)
+    whole = np.asarray(poses.measured.all(axis=1))
     slides = [joint.kind == "slide" and not poses.metric for joint in fit.mechanism.joints]
     unit = np.where(slides, fit.scale, 1.0)
     motion = np.hstack((smoothed.position * unit, smoothed.velocity * unit / stretch))
