@@ -81,11 +81,12 @@ def main() -> int:
     Returns:
         The exit code: 1 when a target is missed under ``--gate``, 2 when the data are missing.
     """
+    # on Linux a process begins with the peak memory of the one that started it: the stream of memory comes first
     parts: dict[str, Callable[[Path, float], list[Figure]]] = {
+        "memory": lambda _, seconds: memory(seconds),
         "accuracy": lambda data, _: [figure for name in CLIPS for figure in accuracy(data, name)],
         "batch": lambda data, _: batch(_given(data, CLIPS[0])) + batch(_drawn(PACED[30])),
         "paced": lambda *_: [figure for rate in PACED for figure in paced(rate)],
-        "memory": lambda _, seconds: memory(seconds),
     }
     parser = command_line(__doc__, tuple(parts))
     parser.add_argument(
@@ -97,7 +98,7 @@ def main() -> int:
         print("live.py: expected MONODYN_DATA with rendered/, found none; set it.", file=sys.stderr)
         return 2
     figures = []
-    for name in chosen:
+    for name in (part for part in parts if part in chosen):
         say(f"{name} ...")
         figures += parts[name](data, 60.0 * options.minutes)
     print(table(figures))
