@@ -81,7 +81,7 @@ def main() -> int:
     Returns:
         The exit code: 1 when a target is missed under ``--gate``, 2 when the data are missing.
     """
-    # on Linux a process begins with the peak memory of the one that started it: the stream of memory comes first
+    # on Linux a process begins with the peak memory of the one that started it: that stream comes first
     parts: dict[str, Callable[[Path, float], list[Figure]]] = {
         "memory": lambda _, seconds: memory(seconds),
         "accuracy": lambda data, _: [figure for name in CLIPS for figure in accuracy(data, name)],
