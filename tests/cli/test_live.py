@@ -305,12 +305,16 @@ def test_the_first_ctrl_c_is_a_normal_end(play):
     assert signal.getsignal(signal.SIGINT) == handler
 
 
-def test_sigterm_is_a_normal_end_with_an_exit_code_of_its_own(play):
-    play(*[followed(45)] * 10, between=lambda k: signal.raise_signal(signal.SIGTERM) if k == 2 else None)
+@pytest.mark.skipif(os.name == "nt", reason="sends SIGHUP")
+@pytest.mark.parametrize(("name", "code"), [("SIGTERM", 143), ("SIGHUP", 129)])
+def test_sigterm_is_a_normal_end_with_an_exit_code_of_its_own(play, name, code):
+    """So is a terminal that is closed."""
+    number = getattr(signal, name)
+    play(*[followed(45)] * 10, between=lambda k: signal.raise_signal(number) if k == 2 else None)
     done = command(*WORDS)
-    assert done.code == 143
+    assert done.code == code
     assert "link1.length" in done.out
-    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    assert signal.getsignal(number) == signal.SIG_DFL
 
 
 def test_an_error_after_the_first_ctrl_c_is_that_error(play):

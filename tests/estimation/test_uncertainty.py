@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from monodyn.estimation.record.samples import prepare
-from monodyn.estimation.verdict.uncertainty import NoiseFactors, noise_factors
+from monodyn.estimation.record.smooth import smooth
+from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.problem import posed
+from monodyn.estimation.shooting.search import Search
+from monodyn.estimation.verdict.uncertainty import NoiseFactors, knowledge_at, noise_factors
 from monodyn.stages import identify
 from swings import motion, record, scaled, sigmas
 
@@ -79,3 +83,16 @@ def test_noise_stays_where_all_of_it_does():
     ):
         assert not one.is_about(other)
         assert not other.is_about(one)
+
+
+def test_a_row_that_depends_on_the_state_beyond_all_numbers_tells_nothing(truth, double, poses):
+    """As without it: what is known of the others stays."""
+    problem = posed(double, prepare([poses], double))
+    optimum, _ = Search(problem, (smooth(poses),), IdentifySettings(), None).from_starts()
+    _, jacobian = problem.rows(optimum.trial)
+    wild, without = jacobian.copy(), jacobian.copy()
+    wild[-1, 1], without[-1, 1] = [np.inf, np.nan, *jacobian[-1, 1, 2:]], 0.0
+    found, wanted = (
+        knowledge_at(problem, optimum.x, one, optimum.trial.pieces).covariance for one in (wild, without)
+    )
+    np.testing.assert_array_equal(found, wanted)

@@ -29,7 +29,7 @@ STANDARD = "-"
 
 
 def go_live(options: Any) -> int:
-    """Return the exit code after following a stream until it ends, or Ctrl-C or SIGTERM.
+    """Return the exit code after following a stream until it ends, or Ctrl-C, SIGTERM or SIGHUP.
 
     Args:
         options: What the user wants, as ``options.LiveOptions`` has it.
@@ -60,7 +60,8 @@ def go_live(options: Any) -> int:
             force=options.force, progress=watch.progress,
         )  # fmt: skip
     code = _printed(options, outcome, watch)
-    return SIGNALLED + signal.SIGTERM if signal.SIGTERM in came else code
+    ended = [number for number in came if number != signal.SIGINT]
+    return SIGNALLED + ended[0] if ended else code
 
 
 class _Watch:

@@ -87,7 +87,8 @@ def knowledge_at(problem: Problem, x: np.ndarray, jacobian: np.ndarray, pieces: 
     shifts = whitened_shifts(problem.data)
     for first, stop in zip(pieces.first[:-1], pieces.first[1:], strict=True):
         rows = jacobian[first:stop].reshape(-1, jacobian.shape[2])
-        used = np.any(rows != 0, axis=1)
+        # nor does a row tell anything that a motion depends on beyond all numbers
+        used = np.any(rows != 0, axis=1) & np.isfinite(rows).all(axis=1)
         # there may be no direction at all, so the number of rows is not left open
         rows, shift = rows[used], shifts[first:stop].reshape(len(rows), shifts.shape[2])[used]
         shared, states = rows[:, :count], rows[:, count:]
