@@ -31,7 +31,8 @@ class LiveSettings:
         review: Seconds of motion, at most, that are identified anew from nothing every now and then, while
             frames go on, for the verdict.
         queue: Frames that may wait to be followed; of a camera that is faster some are skipped and counted.
-        patience: Seconds without a frame after which a camera or a stream counts as gone.
+        patience: Seconds without a frame after which a camera or a stream counts as gone; a pipe is waited
+            for until it ends.
         size: Width and height of raw frames [px], e.g. 640,480.
         pixels: How raw frames store their pixels: ``gray``: one byte of grey; ``rgb24`` or ``bgr24``: three
             bytes, red or blue first; ``yuv420p``: a plane of grey, then two of colour of half its sides.
