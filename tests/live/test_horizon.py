@@ -159,6 +159,17 @@ def test_a_motion_of_which_one_joint_is_hidden_is_followed_as_without() -> None:
         assert followed_from(known(truth), unseen) == 0
 
 
+def test_a_wild_motion_is_followed_as_far_in_a_clip_that_is_slowed_down() -> None:
+    """Rates, by which its errors grow, are those of true seconds."""
+    times = np.arange(600) / 60.0
+    truth = double_truth().with_values({"joint1.damping": 0.0, "joint2.damping": 0.0})
+    rows = record(truth, times, motion(truth, times, [1.5, 0.5], [6.0, -4.0]), noise=1e-5)
+    wanted = followed_from(known(truth), rows)
+    assert wanted > 100
+    slowed, fast = replace(rows, time=4.0 * times), truth.with_values({"time_scale": 0.25})
+    assert followed_from(known(fast), slowed) == pytest.approx(wanted, abs=1)
+
+
 def test_a_slide_is_followed_in_metres(tmp_path: Path) -> None:
     """A mass farther out on an upright rod falls more slowly."""
     path = tmp_path / "bead.xml"
