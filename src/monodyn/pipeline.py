@@ -31,6 +31,7 @@ from monodyn.choose import candidates, choose, nearest
 from monodyn.doubtful import doubtful_sight, likely_sight, unshown_parts
 from monodyn.errors import VideoError
 from monodyn.estimation.fit import Doubt, Fit, Grade
+from monodyn.estimation.record.held import held_note
 from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.record.units import wrong_units
 from monodyn.inputs import (
@@ -155,8 +156,7 @@ def concluded(
         fit, poses = _identified(job, sight, scene, poses, (first, stop), mechanism)
     with log.stage("predict"):
         traces = predicted_trace(fit, poses, times, video.path.name)
-        if fit.ok:
-            fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
+        fit = fit.doubted(heldout_doubts(fit, traces))
     log.notes += [
         *after_refusal(fit, sight, compared=bool(log.comparison)),
         *nearest(fit, log.comparison),
@@ -309,11 +309,13 @@ def identify_tables(
             log.notes += nearest(fit, comparison)
         log.notes += known_before(model, fit)
         records, mechanism, traces = best.records, best.mechanism, []
+        log.notes += [
+            note for record, name in zip(records, names, strict=True) for note in held_note(record, name)
+        ]
         if fit.starts:
             for i, record in enumerate(records):
                 traces += predicted_trace(fit, record, times[i], names[i], record=i)
-        if fit.ok:
-            fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
+        fit = fit.doubted(heldout_doubts(fit, traces))
         about = f"Joint positions with the model {mechanism.name}."
         findings = Findings(
             fit, traces, ", ".join(names), about, log.notes,

@@ -148,7 +148,7 @@ def _judged(
         # the torques of the whole record are not those of its beginning
         mechanism = fit.mechanism if fit.torque == "known" else fit.mechanism.with_torque("friction")
         doubts += kept_doubts(fit, whole, mechanism, settings.identify, progress)
-    doubts += [doubt for trace in traces for doubt in heldout_doubts(fit, trace)]
+    doubts += heldout_doubts(fit, traces)
     return fit.doubted([doubt for doubt in doubts if doubt not in fit.doubts])
 
 

@@ -277,14 +277,16 @@ def _print_fit(outcome: Outcome) -> None:
     if document["combinations"]:
         out.print(_combinations(document["combinations"]))
     out.print(_errors(outcome))
+    if document["horizon"]:
+        count = len(document["horizon"])
+        shortest = min(
+            document["horizon"], key=lambda row: row["seconds"] if row["seconds"] is not None else math.inf
+        )
+        which = f"Of {count} records the shortest: " if count > 1 else ""
+        out.print(f"{which}{shortest['said']}", markup=False)
     # the status of an approximate fit says so itself
     grade = "" if document["grade"] == "approximate" else f"{document['grade'].capitalize()}. "
     out.print(f"{grade}{document['status']}", style=STYLES[document["grade"]], markup=False)
-    if document["horizon"]:
-        count = len(document["horizon"])
-        shortest = min(document["horizon"], key=lambda row: row["seconds"])
-        which = f"Of {count} records the shortest: " if count > 1 else ""
-        out.print(f"{which}{shortest['said']}", markup=False)
     for sentence in document["advice"]:
         out.print(f"- {sentence}", markup=False)
     if outcome.folder is not None:
