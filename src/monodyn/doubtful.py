@@ -71,7 +71,7 @@ def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | 
             "followed and not something like it; diagnosis.png shows what was seen. --time-range A:B and "
             "--roi X,Y,W,H choose frames and a part of the picture in which it shows."
         )
-    lost = unfound_links(part, seen)
+    lost = unfound_links(part, seen) or _unshown_bodies(sight)
     if lost:
         return lost
     # what lies badly on its mask and was lost again and again may be something else
@@ -93,6 +93,27 @@ def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | 
             "is, or take --identify.bodies free; diagnosis.png shows it."
         )
     return None
+
+
+def _unshown_bodies(sight: Sight) -> str | None:
+    """Name the bodies of which the picture shows nothing, and of which nobody has given a size."""
+    given: set[str] = set()
+    if sight.scene is not None and sight.unshown:
+        mechanism = sight.scene.mechanism
+        given = {
+            p.name.partition(".")[0]
+            for p in mechanism.parameters
+            if p.name in mechanism.chosen and not p.free
+        }
+    bodies = [repr(body) for body in sight.unshown if body not in given]
+    if not bodies:
+        return None
+    return (
+        f"The picture shows nothing of {listed(bodies)}: where it was looked for it lies outside of the "
+        "picture, behind the rest of the mechanism, or where nothing stands out from the background, so that "
+        "nothing of it can be estimated. Take a mechanism without it, or, where it is there, give its sizes "
+        "with --fix; diagnosis.png shows where it was looked for."
+    )
 
 
 def likely_sight(sight: Sight) -> str | None:

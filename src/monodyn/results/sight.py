@@ -267,7 +267,6 @@ class Sight:
         shares = [judged.beyond for judged in self.judged if judged.tracked]
         return float(np.median(shares)) if shares else float("nan")
 
-
     @property
     def unshown(self) -> list[str]:
         """The bodies of which the tracked frames show nothing: their outline lies outside of the picture, or
@@ -276,7 +275,7 @@ class Sight:
         if self.scene is None or not tracked:
             return []
         outline, alone, shown = np.sum(tracked, axis=0).T
-        missing = (alone < LEAST_ALONE * outline) | (shown < LEAST_SHOWN * alone)
+        missing = (alone <= LEAST_ALONE * outline) | (shown <= LEAST_SHOWN * alone)
         return [body for body, lacks in zip(_bodies(self.scene.mechanism), missing, strict=True) if lacks]
 
 
@@ -357,7 +356,9 @@ def _alone(scene: Scene, planes: np.ndarray, view: View, position: np.ndarray) -
 
     covered, known = planes.max(axis=0), view.trust.max(axis=0) >= TRUSTED
     whole = Window(0, covered.shape[0], 0, covered.shape[1])
-    polygons = [outlines_of(scene.mechanism, scene.camera, position, {body}) for body in _bodies(scene.mechanism)]
+    polygons = [
+        outlines_of(scene.mechanism, scene.camera, position, {body}) for body in _bodies(scene.mechanism)
+    ]
     areas = [sum(cv2.contourArea(one.astype(np.float32)) for one in own) for own in polygons]
     drawn = [_drawn(own, whole) for own in polygons]
     every = np.sum(drawn, axis=0, dtype=np.int32)
