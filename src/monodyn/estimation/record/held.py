@@ -39,8 +39,9 @@ def held_rows(position: np.ndarray, measured: np.ndarray) -> np.ndarray:
         rows = np.flatnonzero(measured[:, dof])
         values = position[rows, dof]
         first = np.append(True, np.diff(values) != 0.0)[: len(rows)]
-        steps, distances = np.diff(values[first]), np.diff(np.unique(values))
-        distances = distances[distances > SAME * np.sum(distances)]
+        steps, ordered = np.diff(values[first]), np.unique(values)
+        distances = ordered[1:] - ordered[:-1]
+        distances = distances[distances > SAME * distances.sum()]
         if first.all() or len(distances) < 2:
             continue
         clear = np.abs(steps) > CLEAR * np.quantile(distances, SMALL)
