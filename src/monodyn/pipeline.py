@@ -45,6 +45,7 @@ from monodyn.inputs import (
 from monodyn.job import Job, Outcome, Tracked, shown_if_refused
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
+from monodyn.redrawn import redrawn
 from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
@@ -157,6 +158,7 @@ def concluded(
         traces = predicted_trace(fit, poses, times, video.path.name)
         if fit.ok:
             fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
+        fit = redrawn(fit, scene, poses)
     log.notes += [
         *after_refusal(fit, sight, compared=bool(log.comparison)),
         *nearest(fit, log.comparison),
