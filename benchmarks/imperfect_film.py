@@ -290,9 +290,11 @@ class Film:
         """
         layer = np.zeros((*self.wall.shape[:2], 4), np.float32)
         instants = self._exposed(time)
-        for instant in instants:
-            self._add(layer, instant, 1.0 / len(instants))
-        picture = self.wall * (1.0 - layer[..., 3:] / 255.0) + layer[..., :3]
+        boxes = np.array([self._add(layer, instant, 1.0 / len(instants)) for instant in instants])
+        (left, top), (right, foot) = boxes[:, 0].min(0), boxes[:, 1].max(0)
+        box = slice(top, foot), slice(left, right)
+        ink, picture = layer[box], self.wall.copy()
+        picture[box] = picture[box] * (1.0 - ink[..., 3:] / 255.0) + ink[..., :3]
         if self._straight is not None:
             picture = cv2.remap(
                 picture, self._straight, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
@@ -300,8 +302,8 @@ class Film:
         down, right = self._rng.integers(GRAIN_MARGIN, size=2)
         height, width = picture.shape[:2]
         grain = self._grains[self._rng.integers(GRAINS), down : down + height, right : right + width]
-        grainy = np.clip(np.round(picture + grain), 0, 255).astype(np.uint8)
-        return grainy, float(layer[..., 3].sum()) / 255.0
+        # rounded and kept within 0 to 255
+        return cv2.add(picture, grain, dtype=cv2.CV_8U), float(ink[..., 3].sum()) / 255.0
 
     def _exposed(self, time: float) -> list[float]:
         """Return the instants whose light the middle row of a picture averages [s]."""
@@ -311,8 +313,8 @@ class Film:
         count = int(np.clip(np.ceil(way / BLUR_PX), 1, BLURS))
         return list(time + self._draw.exposure * ((np.arange(count) + 0.5) / count - 0.5))
 
-    def _add(self, layer: np.ndarray, time: float, share: float) -> None:
-        """Add a share of the mechanism to a premultiplied layer, each row at its own time."""
+    def _add(self, layer: np.ndarray, time: float, share: float) -> np.ndarray:
+        """Add a share of the mechanism to a layer, each row at its own time; return the box around it."""
         readout = self._draw.readout
         shifts = np.linspace(-0.5, 0.5, KNOTS) * readout if readout else np.zeros(1)
         knots = [self._polygons(time + shift) for shift in shifts]
@@ -324,7 +326,7 @@ class Film:
         low = np.clip(np.floor(every.min(0)) - 2, 0, [width, height]).astype(int)
         high = np.clip(np.ceil(every.max(0)) + 3, 0, [width, height]).astype(int)
         if np.any(high <= low):
-            return
+            return np.array([low, low])
         size = high - low
         canvas = np.zeros((size[1] * FINE, size[0] * FINE, 4), np.uint8)
         for corner, (_, colour, faces) in zip(corners, shown, strict=True):
@@ -334,6 +336,7 @@ class Film:
                 fill_rows(canvas, fine, np.array(colour, dtype=np.uint8), low[1] * FINE, height * FINE)
         small = cv2.resize(canvas.astype(np.float32), size.tolist(), interpolation=cv2.INTER_AREA)
         layer[low[1] : high[1], low[0] : high[0]] += share * small
+        return np.array([low, high])
 
     def _polygons(self, time: float) -> list[tuple[np.ndarray, list[float], bool]]:
         """Return convex polygons [px], their colours and whether they face the camera, far ones first."""
