@@ -464,18 +464,14 @@ def material_points(
         draw: What is filmed.
         lengths: Of the links by name [m].
     """
-    places = []
-    for name in names(draw):
-        body = model.body(name).id
-        along = data.xmat[body].reshape(3, 3)[:, 0]
-        if draw.kind != "ball":
-            places.append(data.xpos[body].copy())
-        if name == names(draw)[-1]:
-            # a thread that stretches carries its ball along
-            weight = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "weight")
-            start = data.xpos[weight if weight >= 0 else body]
-            places.append(start + lengths[name] * along)
-    return np.array(places)
+    # where a ball sits is its place, not the length of a rod or thread, from which it may have parted
+    balls = data.geom_xpos[model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE]
+    if draw.kind == "ball":
+        return balls.copy()
+    bodies = [model.body(name).id for name in names(draw)]
+    last = data.xmat[bodies[-1]].reshape(3, 3)[:, 0]
+    end = balls[0] if draw.kind == "bob" else data.xpos[bodies[-1]] + lengths[names(draw)[-1]] * last
+    return np.array([*data.xpos[bodies], end])
 
 
 def names(draw: Draw) -> list[str]:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from imperfect_film import Film, given, moved
+from imperfect_film import Film, given, material_points, moved
 from imperfections import CAREFUL, FACTORS, KINDS, NAMED, Draw, drawn
 from judge import CHECK, lost_to_check, outcome
 from monodyn.types import Camera
@@ -121,6 +121,21 @@ def test_a_pivot_gives_way_and_a_thread_stretches_by_what_is_drawn() -> None:
     stretch = truth.qpos[truth.time >= 0, truth.model.joint("stretch").qposadr[0]]
     # at rest under its weight
     assert stretch == pytest.approx(0.005, rel=1e-3)
+
+
+def test_a_ball_is_where_it_sits_however_long_its_rod_is() -> None:
+    """A run may part the ball from a thread that it does not see."""
+    for name, count in (("plane_above_bob", 1), ("bob", 2)):
+        draw = NAMED.get(name, Draw(BALL, "bob", "file"))
+        text = given(draw).replace('fromto="0 0 0 0.1 0 0"', 'fromto="0 0 0 0.001 0 0"')
+        model = mujoco.MjModel.from_xml_string(text)
+        data = mujoco.MjData(model)
+        data.qpos[:] = -np.pi / 2
+        mujoco.mj_kinematics(model, data)
+        points = material_points(model, data, draw, {"link1": 0.001})
+        assert len(points) == count
+        # hanging, at the distance of the user's file
+        assert points[-1] == pytest.approx([0.0, 0.0, -0.1], abs=1e-12)
 
 
 def test_the_file_of_a_ball_alone_has_no_thread() -> None:
