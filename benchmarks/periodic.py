@@ -2,9 +2,9 @@
 
 Run: ``python benchmarks/periodic.py [--count N] [--first K] [--seed SEED] [--torque fourier|auto]
 [--to FILE.jsonl] [--json FILE] [--gate]``. MuJoCo moves mechanisms drawn from ``RANGES``; each fit begins
-with the bundled file, whose sizes are others. Case ``K`` of a seed depends on nothing but both; ``--to`` keeps
-a line a case, and a run that is repeated does only those that are not there. ``SEED`` is a whole number or a
-commit's hash.
+with the bundled file, whose sizes are others. Case ``K`` of a seed depends on nothing but both; ``--to``
+keeps a line a case, and a run that is repeated does only those that are not there. ``SEED`` is a whole number
+or a commit's hash.
 """
 
 from __future__ import annotations
