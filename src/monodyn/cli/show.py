@@ -260,6 +260,7 @@ def _print_tracking(outcome: Outcome) -> None:
 
 
 def _print_fit(outcome: Outcome) -> None:
+    from monodyn.numbers import known_or
     from monodyn.results.findings import REFUSED, listed_rows
 
     out = console()
@@ -282,7 +283,8 @@ def _print_fit(outcome: Outcome) -> None:
     out.print(f"{grade}{document['status']}", style=STYLES[document["grade"]], markup=False)
     if document["horizon"]:
         count = len(document["horizon"])
-        shortest = min(document["horizon"], key=lambda row: row["seconds"])
+        # null is beyond all that was looked at
+        shortest = min(document["horizon"], key=lambda row: known_or(row["seconds"], math.inf))
         which = f"Of {count} records the shortest: " if count > 1 else ""
         out.print(f"{which}{shortest['said']}", markup=False)
     for sentence in document["advice"]:
@@ -344,7 +346,7 @@ def _errors(outcome: Outcome) -> Table:
         # of several records the worst
         ahead = [rms[joint.name] for rms in document["heldout_rms"] if rms.get(joint.name) is not None]
         cells = [document["rms"].get(joint.name), max(ahead, default=None)]
-        texts = ["–" if cell is None or not math.isfinite(cell) else f"{cell * scale:.3g}" for cell in cells]
+        texts = ["–" if cell is None else f"{cell * scale:.3g}" for cell in cells]
         table.add_row(joint.name, *texts, unit)
     return table
 

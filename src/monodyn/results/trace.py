@@ -155,11 +155,7 @@ def trace_of(
         numbers = frame_numbers(future.time, poses.time, poses.frame)
     acting = torques(fit, poses.time, record=record) if fit.torque != "friction" else None
     states = fill(fit, poses.time, record=record)
-    turning = tuple(
-        i
-        for i, joint in enumerate(fit.mechanism.joints)
-        if joint.kind == "hinge" and not np.isfinite([joint.lower, joint.upper]).all()
-    )
+    turning = tuple(i for i, joint in enumerate(fit.mechanism.joints) if joint.turns)
     shared = shared_errors(poses, fit.mechanism)
     if shared is not None and not poses.metric:
         shared = shared * in_metres(fit.mechanism, fit.scale)
