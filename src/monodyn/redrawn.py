@@ -53,7 +53,7 @@ def redrawn(fit: Fit, scene: Scene | PointScene, followed: Poses) -> Fit:
     if not fit.ok:
         return fit
     filmed, trace = filmed_of(fit, scene, followed), trace_of(fit, followed)
-    known = followed.measured.all(axis=1)
+    known = np.asarray(followed.measured.all(axis=1))
     fitted = known.copy()
     fitted[: trace.rows[0]] = False
     fitted[trace.rows[1] :] = False

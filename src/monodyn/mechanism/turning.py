@@ -55,15 +55,15 @@ def unwound(poses: Poses, joints: np.ndarray) -> Poses:
         with the rates on both sides where it is certain.
     """
     position = poses.position.copy()
-    for dof in np.flatnonzero(joints & poses.measured.any(axis=0)):
+    for dof in np.flatnonzero(joints & poses.measured.any(axis=0)).tolist():
         rows, record = _record(poses, dof)
         angle = np.unwrap(record.angle)
         record = record._replace(angle=angle, hardest=_hardest(record.time, angle, record.together))
         for i in _gaps(record):
-            apart = record.time[i + 1] - record.time[i]
+            apart = float(record.time[i + 1] - record.time[i])
             mean, slack = _mean_rate(record, int(i))
-            step = angle[i + 1] - angle[i]
-            turns = np.round((mean * apart - step) / TURN)
+            step = float(angle[i + 1] - angle[i])
+            turns = float(np.round((mean * apart - step) / TURN))
             if _is_certain((step + TURN * turns) / apart, apart, mean, slack):
                 angle[i + 1 :] += TURN * turns
         position[rows, dof] = angle
@@ -81,13 +81,13 @@ def doubtful_gaps(poses: Poses, joints: np.ndarray) -> list[Gap]:
         The gaps, in the order of time.
     """
     found = []
-    for dof in np.flatnonzero(joints):
+    for dof in np.flatnonzero(joints).tolist():
         rows, record = _record(poses, dof)
         for i in _gaps(record):
-            apart = record.time[i + 1] - record.time[i]
-            rate = (record.angle[i + 1] - record.angle[i]) / apart
+            apart = float(record.time[i + 1] - record.time[i])
+            rate = float(record.angle[i + 1] - record.angle[i]) / apart
             if not _is_certain(rate, apart, *_mean_rate(record, int(i))):
-                found.append(Gap(int(dof), int(rows[i]), int(rows[i + 1])))
+                found.append(Gap(dof, int(rows[i]), int(rows[i + 1])))
     return sorted(found, key=lambda gap: (gap.after, gap.dof))
 
 
