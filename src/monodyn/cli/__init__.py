@@ -151,8 +151,7 @@ def _unforeseen(error: Exception) -> int:
         # no disk takes it: the terminal is the only place left
         print(traceback_text(error), file=sys.stderr)
         said = "please report it to its makers with the lines above."
-    # compilers say pages: the first line names it, and the traceback has the rest
-    what = f"{type(error).__name__}: {str(error).strip().partition(chr(10))[0]}"
+    what = f"{type(error).__name__}: {' '.join(str(error).split())}"
     _fail(f"an error of Monodyn itself ({what}); {said}")
     return UNFORESEEN
 
