@@ -70,6 +70,8 @@ def seen(
     ):  # fmt: skip
         monkeypatch.setattr(pipeline, stage, lambda *args, found=found, **kwargs: found)
     # the poses are made up, and no outline of them lies on the clip's square
+    # the poses are not those of the fit
+    monkeypatch.setattr(pipeline, "redrawn", lambda fit, *_: fit)
     monkeypatch.setattr(pipeline, "doubtful_sight", lambda *args, **kwargs: None)
     monkeypatch.setattr(pipeline, "heldout_doubts", lambda *args: [])
     return clip

@@ -50,7 +50,7 @@ def redrawn(fit: Fit, scene: Scene | PointScene, followed: Poses) -> Fit:
         scene: The mechanism as it was located.
         followed: The poses as they were followed, which lie on the edges of the pictures.
     """
-    if not fit.ok:
+    if not (fit.ok and fit.starts):
         return fit
     filmed, trace = filmed_of(fit, scene, followed), trace_of(fit, followed)
     known = np.asarray(followed.measured.all(axis=1))
