@@ -40,8 +40,8 @@ SIGMAS = 4.0
 """Standard deviations by which a value may be off."""
 SEEN_WIDTH = 3.0
 """Least width whose value is judged [px]: a thread's is not measured."""
-CHECK = "The outline"
-"""Beginning of the doubt that the picture check raises."""
+CHECK = "the pictures: drawn again, the outline of"
+"""What every doubt of the picture check has in it."""
 GRADED = ("trusted", "approximate")
 """Grades of an answer."""
 
