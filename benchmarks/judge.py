@@ -40,7 +40,7 @@ SIGMAS = 4.0
 """Standard deviations by which a value may be off."""
 SEEN_WIDTH = 3.0
 """Least width whose value is judged [px]: a thread's is not measured."""
-CHECK = "the pictures: drawn again, the outline of"
+CHECK = "the pictures: drawn again, "
 """What every doubt of the picture check has in it."""
 GRADED = ("trusted", "approximate")
 """Grades of an answer."""

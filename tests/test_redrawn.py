@@ -6,13 +6,17 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 import monodyn.redrawn
+from films import film
 from fits import identified, record
 from monodyn.redrawn import redrawn
 from monodyn.types import Camera, Poses
+from monodyn.vision.drawing.outline import outline
+from monodyn.vision.locating.scene import Scene
 
 CAMERA = Camera(640, 480, 640.0, 0.0, 0.0, 1.0)
 
@@ -30,6 +34,12 @@ def scene_of(size: float, **changes: Any) -> Any:
 def followed() -> Poses:
     """The fitted record, as it was followed before that camera."""
     return replace(record(identified(), 20), roll=None)
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scene, Poses]:
+    """Film a swinging chain."""
+    return film(tmp_path_factory.mktemp("chain"))
 
 
 @pytest.fixture(autouse=True)
@@ -58,9 +68,9 @@ def test_a_motion_beside_the_pictures_is_refused() -> None:
     doubts = redrawn(fit, scaled(), wide).doubts
     assert [doubt.grade for doubt in doubts] == ["refused"]
     assert doubts[0].reason == (
-        "The identified motion contradicts the pictures: drawn again, the outline of link1 lies up to 182 px "
-        "beside where the pictures show it, 182% of its size of 100 px. Sizes and camera do not "
-        "go with this motion: compare overlay.mp4, and give a length or the camera's turns with --fix."
+        "The identified motion contradicts the pictures: drawn again, 'link1' lies up to 255 px beside where "
+        "they show it, 255% of the outline's size of 100 px. Sizes and camera do not go with this motion: compare "
+        "overlay.mp4, and give a length or the camera's turns with --fix."
     )
 
 
@@ -83,7 +93,15 @@ def test_a_tenth_of_the_frames_may_be_gross_errors() -> None:
     assert redrawn(fit, scaled(), replace(poses, position=position)).doubts
 
 
-def test_a_square_as_large_as_the_outline_is_its_size() -> None:
-    square = np.array([[[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0]]])
-    assert monodyn.redrawn._size(square) == 20.0
-    assert monodyn.redrawn._size(np.full((1, 4, 2), np.nan)) == float("inf")
+def test_the_size_is_that_of_a_disc_as_large_as_what_is_in_the_picture(
+    filmed: tuple[Scene, Poses],
+) -> None:
+    scene, poses = filmed
+    outlines = [corners for _, corners in outline(scene.mechanism, scene.camera, poses.position[0])]
+    area = sum(cv2.contourArea(corners.astype(np.float32)) for corners in outlines)
+    size = monodyn.redrawn._size(scene, poses.position[:1])
+    assert size == pytest.approx(np.sqrt(4.0 * area / np.pi))
+    # half the focal length shows it half as large
+    near = replace(scene, camera=replace(scene.camera, focal=0.5 * scene.camera.focal))
+    assert monodyn.redrawn._size(near, poses.position[:1]) == pytest.approx(0.5 * size, rel=0.01)
+    assert monodyn.redrawn._size(scene, poses.position[:0]) == float("inf")
