@@ -69,8 +69,8 @@ def test_a_motion_beside_the_pictures_is_refused() -> None:
     assert [doubt.grade for doubt in doubts] == ["refused"]
     assert doubts[0].reason == (
         "The identified motion contradicts the pictures: drawn again, 'link1' lies up to 255 px beside where "
-        "they show it, 255% of the outline's size of 100 px. Sizes and camera do not go with this motion: compare "
-        "overlay.mp4, and give a length or the camera's turns with --fix."
+        "they show it, 255% of the outline's size of 100 px. Sizes and camera do not go with this motion: "
+        "compare overlay.mp4, and give a length or the camera's turns with --fix."
     )
 
 
