@@ -18,6 +18,7 @@ import numpy as np
 from monodyn.arrays import usual_step
 from monodyn.errors import VideoError
 from monodyn.types import Frame
+from monodyn.vision.clip.capture import stretch_of
 from monodyn.vision.clip.orientation import Turn, square_size, turn_of, upright_planes
 from monodyn.vision.clip.stamps import clock_of, without_pauses
 
@@ -58,6 +59,7 @@ class _Opening(NamedTuple):
         rates: Rates that the file states [Hz].
         stampless: True when the format stores no stamps, so that those of the decoder are made up.
         layout: How the pictures are stored.
+        tags: Keys of the file and of its picture stream, with their values.
     """
 
     pts: list[int | None]
@@ -65,6 +67,7 @@ class _Opening(NamedTuple):
     rates: tuple[Fraction, ...]
     stampless: bool
     layout: _Layout
+    tags: dict[str, str]
 
 
 class _Stamps(NamedTuple):
@@ -120,6 +123,8 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
                 "rounding counts as noise."
             )
         _note_missing(path, times + (ticks[-1] - shown[-1]) * float(opening.base), notes)
+        stretch = stretch_of(path, opening.tags, 1.0 / usual_step(times), notes)
+        times, tick = times / stretch, tick / stretch
     else:
         times, tick = np.arange(len(ticks)) / rate, 0.0
         notes.append(f"Time stamps replaced by {rate:g} frames a second.")
@@ -212,6 +217,7 @@ def _first_pictures(path: Path) -> _Opening:
         base = stream.time_base
         rates = tuple(rate for rate in (stream.base_rate, stream.average_rate) if rate)
         stampless = bool(int(getattr(container.format, "flags", 0)) & NO_TIMESTAMPS)
+        tags = {**stream.metadata, **container.metadata}
     if not pts:
         raise VideoError(
             f"clip '{path}': expected pictures, none of them decodes; the file is empty or damaged."
@@ -222,7 +228,7 @@ def _first_pictures(path: Path) -> _Opening:
             f"wide, got {aspect.numerator}:{aspect.denominator}; correct the file's sample aspect ratio, for "
             "example as made by ffmpeg -i CLIP -vf setsar=1 FIXED.mp4."
         )
-    return _Opening(pts, base, rates, stampless, _Layout(shape, square_size(*shape, aspect), turn))
+    return _Opening(pts, base, rates, stampless, _Layout(shape, square_size(*shape, aspect), turn), tags)
 
 
 def pictures(container: Any, stream: Any) -> Iterator[Any]:
