@@ -243,13 +243,7 @@ def pictures(container: Any, stream: Any) -> Iterator[Any]:
     """
     import av.error
 
-    packets = container.demux(stream)
-    while True:
-        # a damaged container ends here, as does a whole one; a damaged packet costs its own pictures only
-        try:
-            packet = next(packets)
-        except (StopIteration, EOFError, av.error.FFmpegError):
-            return
+    for packet in _packets(container, stream):
         try:
             decoded = packet.decode()
         except EOFError:
@@ -257,6 +251,14 @@ def pictures(container: Any, stream: Any) -> Iterator[Any]:
         except av.error.FFmpegError:
             continue
         yield from (frame for frame in decoded if not getattr(frame, "is_corrupt", False))
+
+
+def _packets(container: Any, stream: Any) -> Iterator[Any]:
+    """Yield the packets of a stream: a damaged container ends at the damage, as does a whole one."""
+    import av.error
+
+    with contextlib.suppress(EOFError, av.error.FFmpegError):
+        yield from container.demux(stream)
 
 
 def _ticks(path: Path, opening: _Opening, notes: list[str]) -> tuple[np.ndarray, bool]:
@@ -283,24 +285,17 @@ def _ticks(path: Path, opening: _Opening, notes: list[str]) -> tuple[np.ndarray,
 
 def _packet_stamps(path: Path) -> list[int] | None:
     """Read the stamps of all packets without decoding; None where a packet has none."""
-    import av
-    import av.error
-
     container, stream = open_stream(path)
     found: list[int] = []
     with container:
-        packets = container.demux(stream)
-        while True:
-            try:
-                packet = next(packets)
-            except (StopIteration, EOFError, av.error.FFmpegError):
-                return found
+        for packet in _packets(container, stream):
             # an empty packet ends the stream; one to be discarded is decoded for others and never shown
             if packet.size == 0 or getattr(packet, "is_discard", False):
                 continue
             if packet.pts is None:
                 return None
             found.append(packet.pts)
+    return found
 
 
 def _all_pictures(path: Path) -> Iterator[Any]:
@@ -313,7 +308,10 @@ def _note_missing(path: Path, times: np.ndarray, notes: list[str]) -> None:
     """Note when the file announces more than it holds."""
     container, stream = open_stream(path)
     with container:
-        announced = stream.frames
+        announced, held = stream.frames, len(times)
+        if announced > held + 1:
+            # those that an edit list hides, or whose stamps do not increase, are there
+            held = sum(packet.size > 0 for packet in _packets(container, stream))
         duration = float(container.duration) / 1e6 if container.duration else 0.0
         start = float(container.start_time) / 1e6 if container.start_time else 0.0
         alone = len(container.streams) == 1
@@ -321,10 +319,10 @@ def _note_missing(path: Path, times: np.ndarray, notes: list[str]) -> None:
     # some formats count their duration from time 0, others from the first stamp
     end = max(times[-1], times[-1] - start)
     # the duration is that of the longest stream: with sound it gives no information about the pictures
-    if announced > len(times) + 1:
-        notes.append(f"The file announces {announced} frames but holds {len(times)}; it is cut short.")
+    if announced > held + 1:
+        notes.append(f"The file announces {announced} frames but holds {held}; it may be cut short.")
     elif alone and duration > end + max(3 * step, 0.05 * duration):
-        notes.append(f"The file announces {duration:.2f} s but ends at {end:.2f} s; it is cut short.")
+        notes.append(f"The file announces {duration:.2f} s but ends at {end:.2f} s; it may be cut short.")
 
 
 class _Clip:
