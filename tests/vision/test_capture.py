@@ -77,8 +77,9 @@ def of_sony(path: Path, captured: str, shown: str, *, inside: bool = False) -> P
 def slowed(rate: float, shown: str, by: str, *, name: str = ANDROID) -> str:
     """Return the note on slow motion."""
     return (
-        f"The file states that {rate:g} pictures a second were taken ({name}), and shows {shown}: slow motion. "
-        f"All times are divided by {by}; if it shows the motion at its true speed, give --rate {shown}."
+        f"The file states that {rate:g} pictures a second were taken ({name}), and shows {shown}: slow "
+        f"motion. All times are divided by {by}; if it shows the motion at its true speed, give --rate "
+        f"{shown}."
     )
 
 
@@ -129,9 +130,9 @@ def test_a_camera_in_the_dark_is_no_slow_motion(make_clip: ClipMaker) -> None:
     video = read(tagged(make_clip(base=Fraction(1, 15)), {ANDROID: "30.000000"}))
     np.testing.assert_allclose(video.times, np.arange(12) / 15.0, atol=1e-9)
     assert video.notes == (
-        "The file states that 30 pictures a second were taken (com.android.capture.fps), and shows 15, as a "
-        "camera does that slows down in the dark; its time stamps are taken as they are. If it is slow motion, "
-        "give --rate 30.",
+        "The file states that 30 pictures a second were taken (com.android.capture.fps), and shows 15, "
+        "as a camera does that slows down in the dark; its time stamps are taken as they are. If it is "
+        "slow motion, give --rate 30.",
     )
 
 
@@ -169,8 +170,8 @@ def test_what_is_no_rate_is_said_and_changes_nothing(make_clip: ClipMaker, text:
     video = read(tagged(make_clip(), {ANDROID: text}, ".mkv"))
     np.testing.assert_allclose(video.times, np.arange(12) / 30.0, atol=1e-9)
     assert video.notes == (
-        f"The file states a capture rate of {text!r} (com.android.capture.fps), which is no number of frames a "
-        "second; its time stamps are taken as they are.",
+        f"The file states a capture rate of {text!r} (com.android.capture.fps), which is no number of "
+        "frames a second; its time stamps are taken as they are.",
     )
 
 

@@ -54,8 +54,8 @@ def stretch_of(path: Path, tags: Mapping[str, str], played: float, notes: list[s
     said = f"The file states that {rate:g} pictures a second were taken ({name}), and shows {played:.4g}"
     if not RATES[0] <= rate <= RATES[1]:
         notes.append(
-            f"The file states a capture rate of {text!r} ({name}), which is no number of frames a second; its "
-            "time stamps are taken as they are."
+            f"The file states a capture rate of {text!r} ({name}), which is no number of frames a second; "
+            "its time stamps are taken as they are."
         )
     elif ratio >= DIFFERENT and played < SLOWEST_SHOWN:
         notes.append(
@@ -68,8 +68,8 @@ def stretch_of(path: Path, tags: Mapping[str, str], played: float, notes: list[s
         factor = round(factor) if abs(factor / round(factor) - 1.0) < WHOLE else factor
         notes.append(
             f"{said}: {'slow motion' if slow else 'time lapse'}. All times are "
-            f"{'divided' if slow else 'multiplied'} by {factor:.4g}; if it shows the motion at its true speed, "
-            f"give --rate {played:.4g}."
+            f"{'divided' if slow else 'multiplied'} by {factor:.4g}; if it shows the motion at its true "
+            f"speed, give --rate {played:.4g}."
         )
         return factor if slow else 1.0 / factor
     return 1.0
