@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 import monodyn
+from monodyn.errors import VideoError
+from monodyn.vision.clip.repeats import Repeats
 from monodyn.vision.clip.video import read
-from support import ClipMaker
+from support import ClipMaker, refuses
 
 ANDROID = "com.android.capture.fps"
 
@@ -208,3 +210,21 @@ def test_slow_motion_of_a_phone_has_its_lengths(tmp_path: Path) -> None:
         assert sizes[name][0] == pytest.approx(length, rel=0.01)
         assert abs(sizes[name][0] - length) < 3.0 * sizes[name][1]
     assert slowed(120, "30", "4") in run.notes
+
+
+def test_a_copy_at_another_rate_is_refused(make_clip: ClipMaker) -> None:
+    """Of slow motion at 30 a second a copy has 60: the ratio to what the phone wrote is another one."""
+    places = [k // 2 for k in range(24)]
+    video = read(tagged(make_clip(count=24, places=places, base=Fraction(1, 60)), {ANDROID: "120"}))
+    with refuses(
+        VideoError,
+        f"clip '{video.path}': expected new pictures, as the file states at what rate they were taken, got 12 "
+        "of 24 that repeat the one before: it was copied to another rate since. If what it states is of the new "
+        "pictures, give --rate 240.",
+    ):
+        video.without(Repeats(tuple(range(1, 24, 2))))
+    # where nothing was scaled, and where a camera repeats some, the clip goes on
+    assert read(video.path, rate=240.0).without(Repeats(tuple(range(1, 24, 2)))).count == 24
+    assert video.without(Repeats((5, 11, 17))).notes[-1] == (
+        "3 of 24 pictures repeat the one before; they count as not seen."
+    )

@@ -84,7 +84,9 @@ class _Stamps(NamedTuple):
     own: bool
 
 
-def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, Any, list[str], float]:
+def read_container(
+    path: Path, rate: float | None
+) -> tuple[int, int, np.ndarray, Any, list[str], float, float]:
     """Read size and time stamps of a video file.
 
     Args:
@@ -92,8 +94,8 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
         rate: Frames a second [Hz] in place of the file's stamps, or None.
 
     Returns:
-        Width and height [px], times [s] (frame,), the decode function, the notes and what the times are
-        rounded to [s], as ``Video`` takes them.
+        Width and height [px], times [s] (frame,), the decode function, the notes, what the times are
+        rounded to [s] and by how much the stamps were stretched, as ``Video`` takes them.
 
     Raises:
         VideoError: The file has no time stamps, or fewer than two frames.
@@ -126,11 +128,11 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
         stretch = stretch_of(path, opening.tags, 1.0 / usual_step(times), notes)
         times, tick = times / stretch, tick / stretch
     else:
-        times, tick = np.arange(len(ticks)) / rate, 0.0
+        times, tick, stretch = np.arange(len(ticks)) / rate, 0.0, 1.0
         notes.append(f"Time stamps replaced by {rate:g} frames a second.")
     clip = _Clip(path, layout, _Stamps(ticks, times, own), notes)
     width, height = layout.size[::-1] if layout.turn.transpose else layout.size
-    return width, height, times, clip.decode, notes, tick
+    return width, height, times, clip.decode, notes, tick, stretch
 
 
 def opened(address: str, **how: Any) -> Any:
