@@ -218,9 +218,9 @@ def test_a_copy_at_another_rate_is_refused(make_clip: ClipMaker) -> None:
     video = read(tagged(make_clip(count=24, places=places, base=Fraction(1, 60)), {ANDROID: "120"}))
     with refuses(
         VideoError,
-        f"clip '{video.path}': expected new pictures, as the file states at what rate they were taken, "
-        "got 12 of 24 that repeat the one before: it was copied to another rate since. If what it states is of "
-        "the new pictures, give --rate 240.",
+        f"clip '{video.path}': expected new pictures, as the file states at what rate they were "
+        "taken, got 12 of 24 that repeat the one before: it was copied to another rate since. If what "
+        "it states is of the new pictures, give --rate 240.",
     ):
         video.without(Repeats(tuple(range(1, 24, 2))))
     # where nothing was scaled, and where a camera repeats some, the clip goes on
