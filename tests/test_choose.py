@@ -142,3 +142,32 @@ def test_a_clip_in_which_none_is_located_is_refused(
         "Nothing moves. Draw a mechanism file of what the clip shows, and name it with --model.",
     ):
         choose(job, segment(read(clip)), models)
+
+
+@pytest.mark.parametrize("located", [True, False])
+def test_each_mechanism_is_listed_once(monkeypatch: pytest.MonkeyPatch, located: bool) -> None:
+    """A quick look locates one, and a longer one in a part of the picture may not."""
+
+    def looked(job: object, masks: object, one: Tried, *, whole: bool = False) -> Tried:
+        if whole and not located:
+            return Tried(one.model, one.mechanism, one.fixed, refusal="Nothing moves.")
+        return tried(one.model, 0.2 if whole else 0.3, fixed=one.fixed)
+
+    monkeypatch.setattr(module, "_looked", looked)
+    monkeypatch.setattr(module, "_flush", lambda settings, one: None)
+    monkeypatch.setattr(module, "agreement", lambda scene: 0.0)
+    nothing: Any = SimpleNamespace(settings=RunSettings())
+    models = {"single": load("single")}
+    _, rows = choose(nothing, nothing, models)
+    assert [row.said for row in rows] == [
+        f"off the foreground by {20 if located else 30}.0% of its area, on it in 12 of 12 key frames."
+    ]
+
+
+def test_a_choice_that_was_not_located_is_named_with_it() -> None:
+    best = tried("single", 0.1)
+    ends = Tried("single", best.mechanism, {"link1.tip": 0.0}, refusal="Nothing moves.")
+    assert [row.said for row in compared([best, ends], best)] == [
+        "off the foreground by 10.0% of its area, on it in 12 of 12 key frames.",
+        "with --fix link1.tip=0, links that end at their hinges: not located: Nothing moves.",
+    ]

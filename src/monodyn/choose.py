@@ -185,8 +185,10 @@ def choose(job: Job, masks: Masks, models: dict[str, Mechanism]) -> tuple[Mechan
     if all(one.scene is None or agreement(one.scene) < EXPLAINED for one in near):
         # what a look at the key frames does not explain may be explained in a part of the picture
         near = [_looked(job, masks, one, whole=True) for one in near]
-    left = left_by_picture(near) or left
-    given_up += [one for one in near if one not in left]
+    looked = left_by_picture(near)
+    # where a longer look locates none of them the quick one counts, and each is listed once
+    given_up += [one for one in near if looked and one not in looked]
+    left = looked or left
     if len(left) > 1:
         left = [_followed(job, masks, _looked(job, masks, one, whole=True)) for one in left]
     best = left_by_motion(left)
@@ -349,10 +351,10 @@ def compared(tried: Sequence[Tried], best: Tried) -> tuple[Compared, ...]:
 
 def _said(one: Tried, best: Tried) -> str:
     """Return what spoke for and against one mechanism, a sentence."""
-    if one.scene is None:
-        return f"not located: {one.refusal}"
     ends = " ".join(f"{name}={value:g}" for name, value in one.fixed.items())
     said = f"with --fix {ends}, links that end at their hinges: " if ends else ""
+    if one.scene is None:
+        return f"{said}not located: {one.refusal}"
     said += f"off the foreground by {one.mismatch:.1%} of its area, "
     said += f"on it in {one.lies} of {one.frames} key frames"
     if one.still:

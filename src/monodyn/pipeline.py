@@ -23,6 +23,7 @@ from monodyn.checks import (
     free_range,
     left_out,
     prediction_times,
+    tracked_share,
     unshown,
     untracked,
 )
@@ -246,7 +247,7 @@ def track_clip(
         mechanism = _chosen(job, video, models) if models else mechanism
         _, poses, _ = locate_and_track(job, video, mechanism)
         log.notes += [sight.unsettled] if sight.unsettled else []
-        share = f"{int(np.sum(poses.seen))} of {len(poses)} frames were tracked."
+        share = f"{tracked_share(poses, f'{len(poses)} frames')}."
         with log.stage("results"):
             job.show_sight(" ".join([share, *log.notes]), None if np.any(poses.seen) else "refused")
     check_tracked(poses, video, log.notes)

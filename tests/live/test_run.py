@@ -90,7 +90,7 @@ def test_what_was_touched_and_what_was_not_recorded_is_said(filmed, tmp_path, mo
     seconds, times = astray.split()[5], astray.split(": ")[1].split()[0]
     assert astray == (
         f"The motion of the last {seconds} s is not that of the mechanism as identified before: {times} "
-        "times as far off as the noise; something touches it, or it has changed."
+        "times as far off as the noise; something may touch it, or it has changed."
     )
     assert outcome.document["grade"] != "refused"
 

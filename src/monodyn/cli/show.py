@@ -248,12 +248,12 @@ def _print_comparison(out: Any, rows: list[dict[str, Any]]) -> None:
 
 
 def _print_tracking(outcome: Outcome) -> None:
+    from monodyn.checks import tracked_share
+
     out = console()
     _print_comparison(out, outcome.document["comparison"])
     poses = outcome.poses
-    out.print(
-        f"{int(poses.seen.sum())} of {len(poses)} frames tracked in {sum(outcome.seconds.values()):.1f} s."
-    )
+    out.print(f"{tracked_share(poses, f'{len(poses)} frames')} ({sum(outcome.seconds.values()):.1f} s).")
     for note in outcome.notes:
         out.print(f"- {note}", markup=False)
     out.print(f"poses: {outcome.folder}/poses.csv", markup=False)
