@@ -104,9 +104,9 @@ def test_where_no_mechanism_fits_the_nearest_is_named() -> None:
 
 
 def test_a_parameter_that_the_user_names_leaves_those_that_have_it() -> None:
-    assert {"single", "bob", "cartpole", "double", "triple", "chain:10"} <= set(candidates(RunSettings()))
+    assert {"single", "bob", "ball", "cartpole", "double", "triple", "chain:10"} <= set(candidates(RunSettings()))
     named = candidates(RunSettings(fix={"link2.length": 0.1}))
-    assert not {"single", "bob", "cartpole"} & set(named)
+    assert not {"single", "bob", "ball", "cartpole"} & set(named)
     assert named["triple"].values["link2.length"] == 0.1
     with pytest.raises(MechanismError, match="nothing"):
         candidates(RunSettings(fix={"nothing.length": 0.1}))

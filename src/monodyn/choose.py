@@ -40,7 +40,7 @@ from monodyn.vision.locating.scene import Scene
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
 
-FIRST = (("single", "bob"), ("cartpole", "double"), ("triple",))
+FIRST = (("single", "bob", "ball"), ("cartpole", "double"), ("triple",))
 """The mechanisms that are tried, by their number of joints; chains of more links come after them."""
 CHARGE = 0.1
 """Share of what is unexplained that each further joint and each further geom must take off it. A joint is
