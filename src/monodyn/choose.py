@@ -96,13 +96,19 @@ class Tried:
 
     @property
     def unexplained(self) -> float:
-        """The mismatch over the share of the key frames in which it lies on its mask."""
-        return self.mismatch * self.frames / max(self.lies, 1)
+        """The mismatch over the share of the key frames in which it lies on its mask: all where it never does,
+        as next to an outline in the wrong place there may be no foreground that could differ from it."""
+        return self.mismatch * self.frames / self.lies if self.lies else np.inf
 
     @property
     def charged(self) -> float:
         """What is unexplained, with a charge for every part."""
         return self.unexplained / (1.0 - CHARGE) ** self.parts
+
+    @property
+    def order(self) -> tuple[float, float]:
+        """Less of it comes first: what is unexplained, and between those that lie nowhere the mismatch."""
+        return self.charged, self.mismatch
 
     @property
     def explains(self) -> bool:
@@ -223,7 +229,7 @@ def left_by_picture(tried: Sequence[Tried]) -> list[Tried]:
         Those that leave about as little unexplained as the best one, parts charged, without those of more
         parts than one that does better.
     """
-    located = sorted((one for one in tried if one.scene is not None), key=lambda one: one.charged)
+    located = sorted((one for one in tried if one.scene is not None), key=lambda one: one.order)
     return [
         one
         for k, one in enumerate(located)
@@ -253,11 +259,11 @@ def left_by_motion(left: Sequence[Tried]) -> Tried:
 def _looked_at(job: Job, masks: Masks, models: dict[str, Mechanism]) -> Iterator[Tried]:
     """Locate one mechanism after the other, of more and more joints, as long as that explains more."""
     chains = [(_chain(links),) for links in range(4, LONGEST_CHAIN + 1)]
-    least = np.inf
+    least = np.inf, np.inf
     for group in (*FIRST, *chains):
         found = [_looked(job, masks, Tried(name, models[name])) for name in group if name in models]
         yield from found
-        now = min((one.charged for one in found), default=np.inf)
+        now = min((one.order for one in found), default=least)
         # a parameter that the user names may be one that only mechanisms of more joints have
         if any(one.explains for one in found) or (found and now >= least):
             return
@@ -330,8 +336,7 @@ def compared(tried: Sequence[Tried], best: Tried) -> tuple[Compared, ...]:
         best: The chosen one.
     """
     others = [one for one in tried if one is not best]
-    # what was not located leaves no number, which has no place in an order
-    others.sort(key=lambda one: (one.scene is None, 0.0 if one.scene is None else one.charged))
+    others.sort(key=lambda one: one.order)
     return tuple(
         Compared(
             model=one.model,
@@ -369,6 +374,8 @@ def _said(one: Tried, best: Tried) -> str:
         return f"{said}; the motion decided."
     if one.parts > best.parts and one.charged <= NEAR * best.charged:
         return f"{said}; it has more parts and explains no more."
+    if not one.lies or not best.lies:
+        return f"{said}."
     return f"{said}; {_times(one, best)} as much unexplained as {best.model} leaves."
 
 
