@@ -19,11 +19,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.checks import camera_choices, drawn_mechanism, free_range
-from monodyn.doubtful import doubtful_sight
+from monodyn.doubtful import LEAST_SEEN, doubtful_sight
 from monodyn.errors import FitError, MechanismError, MonodynError, SettingsError
 from monodyn.estimation.fit import GRADES, Doubt, Fit
 from monodyn.job import Job
+from monodyn.mechanism import load
 from monodyn.mechanism.bundled import LONGEST_CHAIN
+from monodyn.mechanism.dots import dots_of
 from monodyn.results.heldout import held_out, heldout_doubts
 from monodyn.results.log import Compared
 from monodyn.results.predict import predict
@@ -33,7 +35,7 @@ from monodyn.settings import RunSettings
 from monodyn.stages import identify, locate, track_freely
 from monodyn.types import Poses, under
 from monodyn.vision.foreground.masks import Masks
-from monodyn.vision.locating.advice import LEAST_INSIDE, LEAST_MATCHED
+from monodyn.vision.locating.advice import LEAST_FITTING, LEAST_INSIDE, LEAST_MATCHED
 from monodyn.vision.locating.region import EXPLAINED, agreement
 from monodyn.vision.locating.scene import Scene
 
@@ -96,8 +98,8 @@ class Tried:
 
     @property
     def unexplained(self) -> float:
-        """The mismatch over the share of the key frames in which it lies on its mask: all where it never does,
-        as next to an outline in the wrong place there may be no foreground that could differ from it."""
+        """The mismatch over the share of the key frames in which it lies on its mask; infinite where it never
+        does: next to an outline in the wrong place there may be nothing that could differ from it."""
         return self.mismatch * self.frames / self.lies if self.lies else np.inf
 
     @property
@@ -376,12 +378,29 @@ def _said(one: Tried, best: Tried) -> str:
         return f"{said}; it has more parts and explains no more."
     if not one.lies or not best.lies:
         return f"{said}."
-    return f"{said}; {_times(one, best)} as much unexplained as {best.model} leaves."
+    more = one.unexplained / max(best.unexplained, 1e-9)
+    return f"{said}; {more:.2g} times as much unexplained as {best.model} leaves."
 
 
-def _times(one: Tried, best: Tried) -> str:
-    """Return how much more one mechanism leaves unexplained, in words."""
-    return f"{one.unexplained / max(best.unexplained, 1e-9):.2g} times"
+def ball_alone(job: Job, masks: Masks, mechanism: Mechanism, poses: Poses) -> list[str]:
+    """Return a note where a ball alone lies on what moves, and what was to be followed on one hinge does not.
+
+    Args:
+        job: The run.
+        masks: The foreground of the clip, before anything was located.
+        mechanism: What was to be followed.
+        poses: Its poses.
+    """
+    seen, name = int(np.sum(poses.seen)), mechanism.name
+    if len(mechanism.joints) > 1 or dots_of(mechanism) or seen >= LEAST_SEEN * len(poses):
+        return []
+    ball = _looked(job, masks, Tried("ball", load("ball")))
+    if ball.lies <= LEAST_FITTING * ball.frames:
+        return []
+    return [
+        f"Only a round thing seems to move: a ball alone, its thread unseen, lies on it in {ball.lies} of "
+        f"{ball.frames} key frames, '{name}' was tracked in {seen} of {len(poses)}; take the model 'ball'."
+    ]
 
 
 def nearest(fit: Fit, comparison: Sequence[Compared]) -> list[str]:
