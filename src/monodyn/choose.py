@@ -7,7 +7,7 @@ independent places of an outline and the k unknowns of a picture, with a charge 
 because bodies are no exact boxes. Links that end at their hinges are simpler than those that reach beyond,
 as no picture shows how far one link reaches under another. What the picture leaves open is followed and
 identified: then the grade of the fit decides, then how far its prediction is off, and between those that are
-alike the number of parts.
+alike the picture.
 """
 
 from __future__ import annotations
@@ -242,10 +242,10 @@ def left_by_picture(tried: Sequence[Tried]) -> list[Tried]:
 
 def left_by_motion(left: Sequence[Tried]) -> Tried:
     """Return the one of the best grade and the smallest error of its prediction; of those alike in both the
-    one of the fewest parts.
+    one that the picture prefers: whatever hangs on one hinge moves alike.
 
     Args:
-        left: Mechanisms, the one that the picture prefers first; of more than one the fits.
+        left: Mechanisms; of more than one the fits.
     """
 
     def rank(one: Tried) -> int:
@@ -254,8 +254,7 @@ def left_by_motion(left: Sequence[Tried]) -> Tried:
     graded = [one for one in left if rank(one) == min(map(rank, left))]
     errors = [np.inf if one.off is None else max(one.off, EXACT) for one in graded]
     alike = [one for one, error in zip(graded, errors, strict=True) if error <= ALIKE * min(errors)]
-    # among as many parts the first is the one that the picture prefers
-    return min(alike, key=lambda one: one.parts)
+    return min(alike, key=lambda one: one.order)
 
 
 def _looked_at(job: Job, masks: Masks, models: dict[str, Mechanism]) -> Iterator[Tried]:
@@ -266,8 +265,9 @@ def _looked_at(job: Job, masks: Masks, models: dict[str, Mechanism]) -> Iterator
         found = [_looked(job, masks, Tried(name, models[name])) for name in group if name in models]
         yield from found
         now = min((one.order for one in found), default=least)
-        # a parameter that the user names may be one that only mechanisms of more joints have
-        if any(one.explains for one in found) or (found and now >= least):
+        # a parameter that the user names may be one that only mechanisms of more joints have, and what was
+        # not located leaves nothing to compare with
+        if any(one.explains for one in found) or (found and now >= least and np.isfinite(least[1])):
             return
         least = min(least, now)
 
