@@ -28,7 +28,7 @@ from monodyn.checks import (
     untracked,
 )
 from monodyn.choices import AUTO
-from monodyn.choose import candidates, choose, nearest
+from monodyn.choose import ball_alone, candidates, choose, nearest
 from monodyn.doubtful import doubtful_sight, likely_sight, unshown_parts
 from monodyn.errors import VideoError
 from monodyn.estimation.fit import Doubt, Fit, Grade
@@ -376,7 +376,8 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> Tracked:
     others = left_out(scene.masks.background, given=settings.segment.roi is not None)
     notes = _clip_notes(video, None if job.masks is None else scene.masks.video)
     notes = [*notes, *blurred(exposed, settings.camera), *span.notes, *untracked(moving, repeats)]
-    log.notes += [*scene.advice, *others, *notes]
+    instead = [] if log.comparison else ball_alone(job, masks, mechanism, moving)
+    log.notes += [*instead, *scene.advice, *others, *notes]
     log.free_frames, by = span[:2], video.shrink
     # in pixels of the file, as --roi takes it
     log.region = Window(*(by * side for side in scene.masks.background.window))

@@ -263,7 +263,7 @@ def test_a_fit_that_cannot_be_trusted_exits_1_and_writes_its_files(demo: Done, t
 def test_models_lists_the_bundled_ones() -> None:
     done = command("models", "--json")
     names = [row["name"] for row in json.loads(done.out)]
-    assert names == ["single", "double", "triple", "bob", "cartpole", "chain:N"]
+    assert names == ["single", "double", "triple", "bob", "ball", "cartpole", "chain:N"]
     assert "cartpole" in command("models").out
 
 
