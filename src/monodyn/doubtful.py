@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monodyn.checks import tracked_share
 from monodyn.estimation.wording import listed
 from monodyn.results.sight import Sight
 from monodyn.types import Poses
@@ -66,8 +67,8 @@ def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | 
     seen, count = int(np.sum(part.measured.any(axis=1))), int(np.sum(~np.isin(part.frame, repeats)))
     if seen < LEAST_SEEN * count:
         return (
-            f"Only {seen} of the {count} frames to fit were tracked: too few to trust that the mechanism was "
-            "followed and not something like it; diagnosis.png shows what was seen. --time-range A:B and "
+            f"Only {tracked_share(part, f'the {count} frames to fit')}: too few to trust that the mechanism "
+            "was followed and not something like it; diagnosis.png shows what was seen. --time-range A:B and "
             "--roi X,Y,W,H choose frames and a part of the picture in which it shows."
         )
     lost = unfound_links(part, seen) or _unshown_bodies(sight)
@@ -95,17 +96,17 @@ def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | 
 
 
 def _unshown_bodies(sight: Sight) -> str | None:
-    """Name the bodies of which the picture shows nothing, and of which nobody has given a size."""
-    given: set[str] = set()
-    if sight.scene is not None and sight.unshown:
-        mechanism = sight.scene.mechanism
-        given = {
-            p.name.partition(".")[0]
-            for p in mechanism.parameters
-            if p.name in mechanism.chosen and not p.free
-        }
+    """Name the bodies of which the picture shows nothing, and of which nobody has given a size.
+
+    Where it shows none of them the mechanism is elsewhere, which the outlines as a whole say.
+    """
+    if sight.scene is None or not sight.unshown:
+        return None
+    mechanism = sight.scene.mechanism
+    chosen = [p.name for p in mechanism.parameters if p.name in mechanism.chosen and not p.free]
+    given = {name.partition(".")[0] for name in chosen}
     bodies = [repr(body) for body in sight.unshown if body not in given]
-    if not bodies:
+    if not bodies or len(sight.unshown) == len(set(mechanism.shapes.body)):
         return None
     return (
         f"The picture shows nothing of {listed(bodies)}: where it was looked for it lies outside of the "
@@ -280,7 +281,7 @@ def _outside(own: np.ndarray, others: Sequence[np.ndarray]) -> float:
         # four bits after the point, which is the ``shift``
         corners = cv2.convexHull((16.0 * (points - low) / cell).astype(np.float32))
         cv2.fillConvexPoly(picture, np.round(corners).astype(np.int32), 1, cv2.LINE_8, 4)
-    return float(np.mean(~covered[1:].any(axis=0)[covered[0] > 0]))
+    return 1.0 - float(np.mean(covered[1:].max(axis=0)[covered[0] > 0]))
 
 
 def _part_name(mechanism: Mechanism, geom: int) -> str:

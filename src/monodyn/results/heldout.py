@@ -133,7 +133,7 @@ def heldout_doubts(fit: Fit, traces: Sequence[Trace]) -> list[Doubt]:
 
 
 def missed(fit: Fit, trace: Trace) -> Doubt | None:
-    """Doubt a fit that misses the frames after the fitted ones by more than the band of its prediction.
+    """Return a doubt of one that misses the frames after the fitted ones by more than its prediction's band.
 
     Args:
         fit: The fit.
