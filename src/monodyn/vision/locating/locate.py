@@ -14,6 +14,7 @@ import numpy as np
 
 from monodyn.cores import on_all_cores
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.ends import plain_bodies, with_ends
 from monodyn.types import Camera, Progress
 from monodyn.vision.drawing.camera import PARAMETERS, X, with_values
 from monodyn.vision.drawing.follow import EdgeSearch
@@ -34,6 +35,7 @@ from monodyn.vision.locating.bundle import SETTLE, Bundle, KeyMasks, refine
 from monodyn.vision.locating.coarse import reconsidered, refined_coarsely, variables_of
 from monodyn.vision.locating.colours import geom_colours
 from monodyn.vision.locating.doubt import doubt_of
+from monodyn.vision.locating.ends import seen_ends
 from monodyn.vision.locating.everywhere import poses_everywhere
 from monodyn.vision.locating.exactness import exactness_of
 from monodyn.vision.locating.grow import SceneStart
@@ -44,7 +46,7 @@ from monodyn.vision.locating.oblique import Looking, looking, open_turns
 from monodyn.vision.locating.places import with_departed, without_names, without_unseen
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import SceneGuess, left_shares, search_poses, search_scene
-from monodyn.vision.locating.unit import in_metres, scaled, units_per_metre
+from monodyn.vision.locating.unit import drawn, growth, in_metres, scaled, units_per_metre
 from monodyn.vision.locating.variables import SIDES, SceneVariables
 from monodyn.vision.locating.widths import rewidened
 from monodyn.vision.settings import LocateSettings
@@ -58,6 +60,8 @@ SAME_SHARE, SAME_LENGTH = 1e-3, 0.02
 which they ended in one place."""
 STEPS = 10
 """Steps that the search reports."""
+FEW_ENDS = 8
+"""Key frames, at most, in which it is tried how bodies end."""
 MARGIN_PX = 3.0
 """Band around the located mechanism that does not count as background either [px]."""
 FINE = EdgeSearch(np.array([8.0, 7.0, 6.0, 5.0, 5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0]), 3.0)
@@ -110,17 +114,20 @@ class Sought:
         return frozenset([*self.fix, *told])
 
     @property
+    def unit(self) -> float:
+        """Units in which it is searched per metre of its file."""
+        if "camera.depth" in self.fix:
+            return 1.0 / self.start_camera.depth
+        return 1.0 / longest_reach(rig_of(self.mechanism, self.start_camera))
+
+    @property
     def start(self) -> SceneStart:
         """Mechanism and camera that the search starts from, in units of the distance from the camera."""
-        camera, mechanism = self.start_camera, self.mechanism
-        if "camera.depth" in self.fix:
-            factor = 1.0 / camera.depth
-        else:
-            factor = 1.0 / longest_reach(rig_of(mechanism, camera))
+        camera, factor = self.start_camera, self.unit
         camera = replace(camera, x=camera.x * factor, y=camera.y * factor, depth=1.0)
         # without a scale a place in metres says nothing of where things are in the picture
         open_places = set() if "camera.depth" in self.fix else {"camera.x", "camera.y"}
-        return SceneStart(scaled(mechanism, factor), camera, self.pinned - open_places)
+        return SceneStart(scaled(self.mechanism, factor), camera, self.pinned - open_places)
 
 
 def find_scene(sought: Sought) -> Scene:
@@ -132,7 +139,7 @@ def find_scene(sought: Sought) -> Scene:
     Returns:
         The scene.
     """
-    masks, settings, start = sought.masks, sought.settings, sought.start
+    masks, settings, start, unit = sought.masks, sought.settings, sought.start, sought.unit
     names = refined_names(sought)
     sought.step(0)
     geoms = len(start.mechanism.shapes.radius)
@@ -159,7 +166,9 @@ def find_scene(sought: Sought) -> Scene:
     if tied is not bundle:
         guess = SceneGuess(tied.mechanism, tied.camera, tied.positions, np.zeros(len(rows)))
         tied = replace(tied, variables=whole_variables(sought, guess, start, names))
-    camera = camera_looks(sought, _whole(frames, rows), tied)
+    sought, ended = with_seen_ends(sought, _whole(frames, rows), tied)
+    start = replace(start, mechanism=scaled(sought.mechanism, unit))
+    camera = camera_looks(sought, _whole(frames, rows), ended)
     sought.step(7)
     poses = poses_everywhere(frames, camera.bundle, guess.positions if tied is bundle else None)
     del frames
@@ -183,6 +192,7 @@ def find_scene(sought: Sought) -> Scene:
         bundle, _ = with_departed(_whole(frames, rows), bundle, variables, FINE)
         camera = camera_looks(sought, _whole(frames, rows), bundle)
         bundle = camera.bundle
+    bundle = replace(bundle, alternatives=ended.alternatives)
     sought.step(STEPS)
     return found_scene(sought, masks, frames.only(rows), bundle, camera)
 
@@ -199,6 +209,47 @@ def _searched(sought: Sought, frames: KeyFrames, names: Sequence[str]) -> SceneG
     if not (len(refined) == 2 and _alike(*refined)):
         refined += [refined_coarsely(few, guess, start, names) for guess in guesses[2:REFINED]]
     return min(refined, key=lambda g: g.score + BETTER * len(freed(g.mechanism, start.mechanism)))
+
+
+def with_seen_ends(sought: Sought, masks: KeyMasks, bundle: Bundle) -> tuple[Sought, Bundle]:
+    """Find out how the bodies end.
+
+    Args:
+        sought: The mechanism, and what is known of the camera.
+        masks: Masks of the key frames.
+        bundle: A refinement over them.
+
+    Returns:
+        Both with the ends that are seen.
+    """
+
+    def exchanged(ends: Mapping[str, float]) -> Sought:
+        return replace(sought, mechanism=with_ends(sought.mechanism, ends))
+
+    def refined(begun: Bundle, ends: Mapping[str, float]) -> Bundle:
+        file, known = scaled(exchanged(ends).mechanism, sought.unit), begun.mechanism.values
+        grown, own = growth(begun.mechanism, file), freed(begun.mechanism, file)
+        # an overhang that the file has not begins as a round end at the hinge does
+        new = [p for p in drawn(file) if p.name not in known and p.kind in ("tail", "tip")]
+        file = file.with_values({p.name: 0.5 * known[f"{p.owner}.width"] / grown for p in new})
+        sizes = {p.name: known.get(p.name, grown * p.value) for p in drawn(file)} | {n: known[n] for n in own}
+        mechanism = file.with_following(own, follow=False).with_values(sizes)
+        count = len(begun.positions)
+        guess = SceneGuess(mechanism, begun.camera, begun.positions, np.zeros(count))
+        names = refined_names(exchanged(ends))
+        variables = whole_variables(sought, guess, replace(sought.start, mechanism=file), names)
+        return refine(few if count == len(rows) else masks, guess, variables, LAST, settle=SETTLE)
+
+    rows = np.unique(np.linspace(0, len(bundle.positions) - 1, FEW_ENDS).round().astype(int))
+    few, tried = masks.only(rows.tolist()), replace(bundle, positions=bundle.positions[rows])
+    bodies = plain_bodies(sought.mechanism)
+    if not bodies:
+        return sought, bundle
+    seen, ends = seen_ends(tried, bodies, refined)
+    if not ends:
+        return sought, replace(bundle, alternatives=seen.alternatives)
+    whole = refined(replace(seen, positions=bundle.positions), ends)
+    return exchanged(ends), replace(whole, alternatives=seen.alternatives)
 
 
 def camera_looks(sought: Sought, masks: KeyMasks, bundle: Bundle) -> Looking:
@@ -371,7 +422,8 @@ def found_scene(
     pictures = [picture_of[frame.index] for frame in judged.frames]
     lit = lit_sizes(whole, pictures, masks.background, bundle, rows)
     exact = exactness_of(whole, bundle, np.array(rows))
-    bundle, looks = replace(exact.of(bundle), lit=lit), replace(looks, doubted=exact.of(looks.doubted))
+    bundle = replace(exact.of(bundle), alternatives=(*bundle.alternatives, lit))
+    looks = replace(looks, doubted=exact.of(looks.doubted))
     names = bundle.variables.names
     sizes = [p.name for p in bundle.mechanism.parameters if p.kind in SIZE_KINDS and not p.follows]
     # a single size that is held, or the depth, pins the common scale
