@@ -19,19 +19,25 @@ from monodyn.mechanism.parts import Geom, Link
 from monodyn.mechanism.places import half_across, main_ends
 from monodyn.mechanism.read import assembled
 
+ROUND = ("capsule", "ellipsoid")
+"""Kinds of geoms that end round."""
 SIDES, RINGS = 12, 5
 """Sides by which half of a circle is drawn, their middles 1 % of the radius inside of it, and circles from
 the back of a round end to its front."""
 
 
-def plain_bodies(mechanism: Mechanism) -> list[str]:
+def plain_bodies(mechanism: Mechanism) -> dict[str, bool]:
     """Name the bodies that may end otherwise: of one geom along their axis, its ends on nothing but hinges.
 
     Args:
         mechanism: The mechanism.
+
+    Returns:
+        Whether each ends round, by name.
     """
     links = mechanism.plan.links
-    return [link.joint.body for i, link in enumerate(links) if link.carries and _bar(links, i) is not None]
+    bars = {link.joint.body: _bar(links, i) for i, link in enumerate(links) if link.carries}
+    return {body: bar[0].geom.kind in ROUND for body, bar in bars.items() if bar is not None}
 
 
 def with_ends(mechanism: Mechanism, ends: Mapping[str, float]) -> Mechanism:
@@ -85,7 +91,13 @@ def _exchanged(links: tuple[Link, ...], i: int, share: float) -> Geom:
     size = np.array([0.5 * (high - low), wide, deep])
     # an affine image of a capsule: round once the body has the proportions that the share is of
     turn, rise = np.meshgrid(np.linspace(-0.5, 0.5, SIDES + 1) * np.pi, np.linspace(-0.5, 0.5, RINGS) * np.pi)
-    cap = np.column_stack([(np.cos(turn) * np.cos(rise)).ravel(), (np.sin(turn) * np.cos(rise)).ravel(), np.sin(rise).ravel()])
+    cap = np.column_stack(
+        [
+            (np.cos(turn) * np.cos(rise)).ravel(),
+            (np.sin(turn) * np.cos(rise)).ravel(),
+            np.sin(rise).ravel(),
+        ]
+    )
     cap[:, 0] = 1.0 - 2.0 * share * (1.0 - cap[:, 0])
     corners = np.unique(np.round(np.vstack([cap, cap * [-1.0, 1.0, 1.0]]), 9), axis=0) * size
     return replace(

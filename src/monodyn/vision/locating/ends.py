@@ -19,35 +19,33 @@ Refined = Callable[[Bundle, Mapping[str, float]], Bundle]
 """Refines a bundle whose bodies have other ends, as ``with_ends`` takes them."""
 
 
-def seen_ends(bundle: Bundle, bodies: Sequence[str], refined: Refined) -> tuple[Bundle, dict[str, float]]:
+def seen_ends(
+    bundle: Bundle, bodies: Mapping[str, bool], refined: Refined
+) -> tuple[Bundle, dict[str, float]]:
     """Find how bodies end.
 
     Args:
         bundle: The refinement with the ends of the file.
-        bodies: Names of the bodies that may end otherwise.
+        bodies: The bodies that may end otherwise, and whether they end round in the file.
         refined: Refines it with other ends.
 
     Returns:
         The best of the refinements, with what else is as likely, and the ends that are not the file's.
     """
-    T0=__import__('time').time()
     best, ends = refined(bundle, {}), {}
     alternatives: list[dict[str, float]] = []
     # all bodies at once first: one that ends otherwise draws the others from their places, too
-    for some in (bodies, *([body] for body in bodies if len(bodies) > 1)):
-        kept = {body: share for body, share in ends.items() if body not in some}
-        flat = refined(best, kept | dict.fromkeys(some, 0.0))
-        shares = {body: round_share(flat.mechanism, body) for body in some}
-        tried = [(best, ends), (flat, kept | dict.fromkeys(some, 0.0)), (refined(best, kept | shares), kept | shares)]
-        if ends.keys() & some:
-            tried.append((refined(best, kept), kept))
-        print(round(__import__('time').time()-T0,1), some, [(round(fall(one, best)), round(one.agreement,4), one.rms_px.mean().round(3), {k:round(v,5) for k,v in one.mechanism.values.items() if k.split('.')[0] in some and k.split('.')[-1] in ('length','width','tail','tip','thickness')}) for one, _ in tried])
-        # of those that nothing clearly tells apart the first
-        most = max(fall(one, best) for one, _ in tried)
-        near = [(one, how) for one, how in tried if fall(one, best) > most - CLEAR**2]
-        best, ends = near[0]
-        if len(some) == 1:
-            alternatives += [_change(best, other) for other, _ in near[1:]]
+    for some in (list(bodies), *([body] for body in bodies if len(bodies) > 1)):
+        file = {body: share for body, share in ends.items() if body not in some}
+        shares = {body: round_share(best.mechanism, body) for body in some}
+        other = file | {body: 0.0 if bodies[body] else share for body, share in shares.items()}
+        reaching = file | {body: share if bodies[body] else 0.0 for body, share in shares.items()}
+        first, second = (best if how.keys() == ends.keys() else refined(best, how) for how in (file, other))
+        # the other ends have overhangs, which are nothing that speaks for them
+        gain = fall(second, first) - max(fall(refined(best, reaching), first), 0.0)
+        best, ends = (second, ends | other) if gain > CLEAR**2 else (first, file)
+        if abs(gain) < CLEAR**2 and len(some) == 1:
+            alternatives.append(_change(first, second))
     return replace(best, alternatives=tuple(alternatives)), ends
 
 
@@ -59,8 +57,9 @@ def round_share(mechanism: Mechanism, body: str) -> float:
         body: The body, of one bar.
     """
     known = mechanism.values
-    whole = sum(known.get(f"{body}.{kind}", 0.0) for kind in ("length", "tail", "tip"))
-    return min(0.5 * known[f"{body}.width"] / whole, 0.5)
+    cap = 0.5 * known[f"{body}.width"]
+    whole = known[f"{body}.length"] + known.get(f"{body}.tail", cap) + known.get(f"{body}.tip", 0.0)
+    return min(cap / whole, 0.5)
 
 
 def _change(bundle: Bundle, other: Bundle) -> dict[str, float]:

@@ -229,16 +229,19 @@ def with_seen_ends(sought: Sought, masks: KeyMasks, bundle: Bundle) -> tuple[Sou
     def refined(begun: Bundle, ends: Mapping[str, float]) -> Bundle:
         file, known = scaled(exchanged(ends).mechanism, sought.unit), begun.mechanism.values
         grown, own = growth(begun.mechanism, file), freed(begun.mechanism, file)
-        # an overhang that the file has not begins as a round end at the hinge does
+        file = file.with_following(own, follow=False)
+        sizes = {p.name: known.get(p.name, grown * p.value) for p in drawn(file)}
+        # an overhang that the file has not begins where a round end at the hinge does, a flat one before that
         new = [p for p in drawn(file) if p.name not in known and p.kind in ("tail", "tip")]
-        file = file.with_values({p.name: 0.5 * known[f"{p.owner}.width"] / grown for p in new})
-        sizes = {p.name: known.get(p.name, grown * p.value) for p in drawn(file)} | {n: known[n] for n in own}
-        mechanism = file.with_following(own, follow=False).with_values(sizes)
+        reach = {p.name: 0.5 if ends[p.owner] else 0.25 for p in new}
+        sizes |= {p.name: reach[p.name] * known[f"{p.owner}.width"] for p in new}
+        mechanism = file.with_values(sizes)
         count = len(begun.positions)
         guess = SceneGuess(mechanism, begun.camera, begun.positions, np.zeros(count))
-        names = refined_names(exchanged(ends))
-        variables = whole_variables(sought, guess, replace(sought.start, mechanism=file), names)
-        return refine(few if count == len(rows) else masks, guess, variables, LAST, settle=SETTLE)
+        # what no edge shows stays where it is, not where the file has it
+        start = replace(sought.start, mechanism=mechanism)
+        variables = whole_variables(sought, guess, start, refined_names(exchanged(ends)))
+        return refine(few if count == len(rows) else masks, guess, variables, FINE, settle=SETTLE)
 
     rows = np.unique(np.linspace(0, len(bundle.positions) - 1, FEW_ENDS).round().astype(int))
     few, tried = masks.only(rows.tolist()), replace(bundle, positions=bundle.positions[rows])
