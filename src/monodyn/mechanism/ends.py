@@ -67,7 +67,7 @@ def _bar(links: tuple[Link, ...], i: int) -> tuple[Profile, np.ndarray, float, f
         return None
     shape, anchors = profile(link.geoms[0]), [other.anchor for other in links if other.parent == i]
     along, length = long_axis(link, anchors, [shape])
-    flat = not shape.geom.kind == "capsule" or abs(shape.deep) < TINY * length
+    flat = shape.geom.kind != "capsule" or abs(shape.deep) < TINY * length
     if shape.long is None or shape.geom.kind == "mesh" or not shape.geom.drawn or not flat:
         return None
     ends = main_ends(shape, along, caps_of(link, anchors, [shape], along))

@@ -8,7 +8,7 @@ brings them about as near may be, too: the sizes that it has are a direction in 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from monodyn.mechanism import Mechanism
