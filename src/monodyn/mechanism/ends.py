@@ -21,7 +21,7 @@ from monodyn.mechanism.read import assembled
 
 ROUND = ("capsule", "ellipsoid")
 """Kinds of geoms that end round."""
-SIDES, RINGS = 12, 5
+SIDES, RINGS = 12, 9
 """Sides by which half of a circle is drawn, their middles 1 % of the radius inside of it, and circles from
 the back of a round end to its front."""
 

@@ -11,12 +11,70 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from monodyn.mechanism import Mechanism
-from monodyn.vision.locating.bundle import Bundle
+from monodyn.mechanism.ends import plain_bodies, with_ends
+from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.locating.arrange import freed
+from monodyn.vision.locating.bundle import SETTLE, Bundle, KeyMasks, refine
 from monodyn.vision.locating.oblique import CLEAR, fall
+from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.sought import Sought, refined_names, whole_variables
+from monodyn.vision.locating.unit import drawn, growth, scaled
+
+FEW = 8
+"""Key frames, at most, in which it is tried how bodies end."""
 
 Refined = Callable[[Bundle, Mapping[str, float]], Bundle]
 """Refines a bundle whose bodies have other ends, as ``with_ends`` takes them."""
+
+
+def with_seen_ends(
+    sought: Sought, masks: KeyMasks, bundle: Bundle, search: EdgeSearch
+) -> tuple[Sought, Bundle]:
+    """Find out how the bodies end.
+
+    Args:
+        sought: The mechanism, and what is known of the camera.
+        masks: Masks of the key frames.
+        bundle: A refinement over them.
+        search: How the edges are looked for.
+
+    Returns:
+        Both with the ends that are seen.
+    """
+
+    def exchanged(ends: Mapping[str, float]) -> Sought:
+        return replace(sought, mechanism=with_ends(sought.mechanism, ends))
+
+    def refined(begun: Bundle, ends: Mapping[str, float]) -> Bundle:
+        file, known = scaled(exchanged(ends).mechanism, sought.unit), begun.mechanism.values
+        grown, own = growth(begun.mechanism, file), freed(begun.mechanism, file)
+        file = file.with_following(own, follow=False)
+        sizes = {p.name: known.get(p.name, grown * p.value) for p in drawn(file)}
+        # an overhang that the file has not begins where a round end at the hinge does, a flat one before that
+        new = [p for p in drawn(file) if p.name not in known and p.kind in ("tail", "tip")]
+        reach = {p.name: 0.5 if ends[p.owner] else 0.25 for p in new}
+        sizes |= {p.name: reach[p.name] * known[f"{p.owner}.width"] for p in new}
+        mechanism = file.with_values(sizes)
+        count = len(begun.positions)
+        guess = SceneGuess(mechanism, begun.camera, begun.positions, np.zeros(count))
+        # what no edge shows stays where it is, not where the file has it
+        start = replace(sought.start, mechanism=mechanism)
+        variables = whole_variables(sought, guess, start, refined_names(exchanged(ends)))
+        return refine(few if count == len(rows) else masks, guess, variables, search, settle=SETTLE)
+
+    rows = np.unique(np.linspace(0, len(bundle.positions) - 1, FEW).round().astype(int))
+    few, tried = masks.only(rows.tolist()), replace(bundle, positions=bundle.positions[rows])
+    bodies = plain_bodies(sought.mechanism)
+    if not bodies:
+        return sought, bundle
+    seen, ends = seen_ends(tried, bodies, refined)
+    if not ends:
+        return sought, replace(bundle, alternatives=seen.alternatives)
+    whole = refined(replace(seen, positions=bundle.positions), ends)
+    return exchanged(ends), replace(whole, alternatives=seen.alternatives)
 
 
 def seen_ends(

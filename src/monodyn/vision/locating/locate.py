@@ -7,24 +7,17 @@ and the refinement repeated on the better masks.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from monodyn.cores import on_all_cores
-from monodyn.mechanism import Mechanism
-from monodyn.mechanism.ends import plain_bodies, with_ends
-from monodyn.types import Camera, Progress
-from monodyn.vision.drawing.camera import PARAMETERS, X, with_values
+from monodyn.vision.drawing.camera import PARAMETERS, with_values
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.outline import covered_pixels
 from monodyn.vision.drawing.rig import (
-    SHOWN_KINDS,
     SIZE_KINDS,
-    longest_reach,
-    rig_of,
-    root_slides,
 )
 from monodyn.vision.drawing.shutter import Shutter
 from monodyn.vision.foreground.masks import GeomColours, Masks
@@ -35,10 +28,9 @@ from monodyn.vision.locating.bundle import SETTLE, Bundle, KeyMasks, refine
 from monodyn.vision.locating.coarse import reconsidered, refined_coarsely, variables_of
 from monodyn.vision.locating.colours import geom_colours
 from monodyn.vision.locating.doubt import doubt_of
-from monodyn.vision.locating.ends import seen_ends
+from monodyn.vision.locating.ends import with_seen_ends
 from monodyn.vision.locating.everywhere import poses_everywhere
 from monodyn.vision.locating.exactness import exactness_of
-from monodyn.vision.locating.grow import SceneStart
 from monodyn.vision.locating.keyframes import KeyFrames, key_frames
 from monodyn.vision.locating.knowledge import hidden_advice, hidden_places, size_information
 from monodyn.vision.locating.mixing import lit_sizes
@@ -46,10 +38,10 @@ from monodyn.vision.locating.oblique import Looking, looking, open_turns
 from monodyn.vision.locating.places import with_departed, without_names, without_unseen
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import SceneGuess, left_shares, search_poses, search_scene
-from monodyn.vision.locating.unit import drawn, growth, in_metres, scaled, units_per_metre
-from monodyn.vision.locating.variables import SIDES, SceneVariables
+from monodyn.vision.locating.sought import STEPS, Sought, refined_names, whole_variables
+from monodyn.vision.locating.unit import in_metres, scaled, units_per_metre
+from monodyn.vision.locating.variables import SceneVariables
 from monodyn.vision.locating.widths import rewidened
-from monodyn.vision.settings import LocateSettings
 
 FEWEST = 3
 """Frames, besides a quarter of all, without which a choice of frames says nothing."""
@@ -58,76 +50,12 @@ REFINED = 3
 SAME_SHARE, SAME_LENGTH = 1e-3, 0.02
 """Difference of the shares of the foreground that two guesses leave, and of their lengths as a share, up to
 which they ended in one place."""
-STEPS = 10
-"""Steps that the search reports."""
-FEW_ENDS = 8
-"""Key frames, at most, in which it is tried how bodies end."""
 MARGIN_PX = 3.0
 """Band around the located mechanism that does not count as background either [px]."""
 FINE = EdgeSearch(np.array([8.0, 7.0, 6.0, 5.0, 5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0]), 3.0)
 """How they are looked for in the whole pictures after that [px]."""
 LAST = EdgeSearch(np.array([5.0, 4.0, 4.0, 4.0, 3.0, 3.0, 3.0, 3.0]), 3.0)
 """How they are looked for over the better background [px]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Sought:
-    """What is to be located.
-
-    Attributes:
-        masks: The soft foreground of the clip.
-        mechanism: Topology, shape kinds and start sizes; its fixed parameters stay as they are.
-        settings: How the search goes.
-        fix: Values of ``camera.*`` parameters that must stay.
-        free: ``camera.*`` parameters to estimate in addition to x, y and depth.
-        progress: Called as the steps go.
-    """
-
-    masks: Masks
-    mechanism: Mechanism
-    settings: LocateSettings
-    fix: Mapping[str, float]
-    free: Sequence[str]
-    progress: Progress
-
-    def step(self, done: int) -> None:
-        """Say that so many of the ``STEPS`` of the search are done.
-
-        Args:
-            done: How many.
-        """
-        self.progress("locate", done, STEPS)
-
-    @property
-    def start_camera(self) -> Camera:
-        """The camera that the search starts from."""
-        video = self.masks.video
-        focal = self.settings.focal or float(max(video.width, video.height))
-        return with_values(Camera(video.width, video.height, focal), dict(self.fix))
-
-    @property
-    def pinned(self) -> frozenset[str]:
-        """Parameters that may not change."""
-        held = [p for p in self.mechanism.parameters if not p.free and not p.follows]
-        # thicknesses of bodies of given mass are held in an identification, but nobody measured them
-        told = [p.name for p in held if p.kind != "thickness" or p.name in self.mechanism.chosen]
-        return frozenset([*self.fix, *told])
-
-    @property
-    def unit(self) -> float:
-        """Units in which it is searched per metre of its file."""
-        if "camera.depth" in self.fix:
-            return 1.0 / self.start_camera.depth
-        return 1.0 / longest_reach(rig_of(self.mechanism, self.start_camera))
-
-    @property
-    def start(self) -> SceneStart:
-        """Mechanism and camera that the search starts from, in units of the distance from the camera."""
-        camera, factor = self.start_camera, self.unit
-        camera = replace(camera, x=camera.x * factor, y=camera.y * factor, depth=1.0)
-        # without a scale a place in metres says nothing of where things are in the picture
-        open_places = set() if "camera.depth" in self.fix else {"camera.x", "camera.y"}
-        return SceneStart(scaled(self.mechanism, factor), camera, self.pinned - open_places)
 
 
 def find_scene(sought: Sought) -> Scene:
@@ -166,7 +94,7 @@ def find_scene(sought: Sought) -> Scene:
     if tied is not bundle:
         guess = SceneGuess(tied.mechanism, tied.camera, tied.positions, np.zeros(len(rows)))
         tied = replace(tied, variables=whole_variables(sought, guess, start, names))
-    sought, ended = with_seen_ends(sought, _whole(frames, rows), tied)
+    sought, ended = with_seen_ends(sought, _whole(frames, rows), tied, FINE)
     start = replace(start, mechanism=scaled(sought.mechanism, unit))
     camera = camera_looks(sought, _whole(frames, rows), ended)
     sought.step(7)
@@ -211,50 +139,6 @@ def _searched(sought: Sought, frames: KeyFrames, names: Sequence[str]) -> SceneG
     return min(refined, key=lambda g: g.score + BETTER * len(freed(g.mechanism, start.mechanism)))
 
 
-def with_seen_ends(sought: Sought, masks: KeyMasks, bundle: Bundle) -> tuple[Sought, Bundle]:
-    """Find out how the bodies end.
-
-    Args:
-        sought: The mechanism, and what is known of the camera.
-        masks: Masks of the key frames.
-        bundle: A refinement over them.
-
-    Returns:
-        Both with the ends that are seen.
-    """
-
-    def exchanged(ends: Mapping[str, float]) -> Sought:
-        return replace(sought, mechanism=with_ends(sought.mechanism, ends))
-
-    def refined(begun: Bundle, ends: Mapping[str, float]) -> Bundle:
-        file, known = scaled(exchanged(ends).mechanism, sought.unit), begun.mechanism.values
-        grown, own = growth(begun.mechanism, file), freed(begun.mechanism, file)
-        file = file.with_following(own, follow=False)
-        sizes = {p.name: known.get(p.name, grown * p.value) for p in drawn(file)}
-        # an overhang that the file has not begins where a round end at the hinge does, a flat one before that
-        new = [p for p in drawn(file) if p.name not in known and p.kind in ("tail", "tip")]
-        reach = {p.name: 0.5 if ends[p.owner] else 0.25 for p in new}
-        sizes |= {p.name: reach[p.name] * known[f"{p.owner}.width"] for p in new}
-        mechanism = file.with_values(sizes)
-        count = len(begun.positions)
-        guess = SceneGuess(mechanism, begun.camera, begun.positions, np.zeros(count))
-        # what no edge shows stays where it is, not where the file has it
-        start = replace(sought.start, mechanism=mechanism)
-        variables = whole_variables(sought, guess, start, refined_names(exchanged(ends)))
-        return refine(few if count == len(rows) else masks, guess, variables, FINE, settle=SETTLE)
-
-    rows = np.unique(np.linspace(0, len(bundle.positions) - 1, FEW_ENDS).round().astype(int))
-    few, tried = masks.only(rows.tolist()), replace(bundle, positions=bundle.positions[rows])
-    bodies = plain_bodies(sought.mechanism)
-    if not bodies:
-        return sought, bundle
-    seen, ends = seen_ends(tried, bodies, refined)
-    if not ends:
-        return sought, replace(bundle, alternatives=seen.alternatives)
-    whole = refined(replace(seen, positions=bundle.positions), ends)
-    return exchanged(ends), replace(whole, alternatives=seen.alternatives)
-
-
 def camera_looks(sought: Sought, masks: KeyMasks, bundle: Bundle) -> Looking:
     """Find out whether the camera looks obliquely, where that was not found out before.
 
@@ -287,44 +171,6 @@ def _placed(sought: Sought, guess: SceneGuess) -> SceneGuess:
     metre = units_per_metre(guess.mechanism, guess.camera, sought.mechanism, sought.fix, sought.pinned)
     held = {name: value * metre for name, value in sought.fix.items() if name in ("camera.x", "camera.y")}
     return replace(guess, camera=with_values(guess.camera, held))
-
-
-def whole_variables(
-    sought: Sought, guess: SceneGuess, start: SceneStart, names: Sequence[str]
-) -> SceneVariables:
-    """Return what is refined of a guess on whole pictures, before a camera that may come to be turned.
-
-    Args:
-        sought: The mechanism, and what is known of the camera.
-        guess: Where the refinement starts.
-        start: The mechanism of the file, in the same unit.
-        names: The parameters that the pictures determine.
-
-    Returns:
-        The variables.
-    """
-    # a place of the camera that the user gave is that of the camera itself
-    given = {"camera.x", "camera.y", "camera.depth"} & {*sought.fix}
-    variables = variables_of(guess, start, names)
-    return replace(variables, focal=start.camera.focal, about_origin=not given)
-
-
-def refined_names(sought: Sought) -> list[str]:
-    """List the parameters that the pictures determine.
-
-    Args:
-        sought: The mechanism, and what is known of the camera.
-
-    Returns:
-        Their names.
-    """
-    mechanism = sought.mechanism
-    shown = [p for p in mechanism.parameters if p.kind in (*SHOWN_KINDS, SIDES) and not p.follows]
-    names = [p.name for p in shown if p.name not in sought.pinned]
-    # where a slide of the root is zero is a matter of choice: the camera's place is held and fixes it
-    held = {"camera.x" if column == X else "camera.y" for _, column in root_slides(mechanism)}
-    cameras = [name for name in ("camera.x", "camera.y", "camera.depth") if name not in held]
-    return names + [name for name in cameras if name not in sought.fix]
 
 
 def _with_colours(masks: Masks, guess: SceneGuess) -> Masks:
