@@ -266,7 +266,8 @@ def fall(found: Bundle, before: Bundle) -> float:
         found: A refinement.
         before: Another one of the same key frames, whose number of samples counts.
     """
-    # a sample without an edge is at least as far off as an edge may be
+    # a sample without an edge is at least as far off as an edge may be; an outline that left the picture
+    # has no samples: both count with those of the one before
     after, since = (
         bundle.matched * bundle.rms_px**2 + (1.0 - bundle.matched) * MATCHED_PX**2
         for bundle in (found, before)
