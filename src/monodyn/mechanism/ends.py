@@ -73,11 +73,11 @@ def _bar(links: tuple[Link, ...], i: int) -> tuple[Profile, np.ndarray, float, f
     ends = main_ends(shape, along, caps_of(link, anchors, [shape], along))
     if not ends or abs(float(shape.centre @ [-along[1], along[0]])) > TINY * length:
         return None
-    if link.joint.kind == "slide":
-        return shape, along, *ends
-    beyond, (low, high) = half_across(shape, along), ends
-    low -= beyond * (abs(low) < TINY * length)
-    high += beyond * any(abs(high - float(anchor @ along)) < TINY * length for anchor in anchors)
+    low, high = ends
+    if link.joint.kind == "hinge":
+        beyond = half_across(shape, along)
+        low -= beyond * (abs(low) < TINY * length)
+        high += beyond * any(abs(high - float(anchor @ along)) < TINY * length for anchor in anchors)
     return shape, along, low, high
 
 
