@@ -129,6 +129,7 @@ def page_text(
         ],
         diagnosis="" if diagnosis is None else base64.b64encode(diagnosis).decode("ascii"),
         known=[_parameter(row, kinds) for row in listed if row.identifiable],
+        sized="length" in kinds.values(),
         unknown=[_parameter(row, kinds, open_ways) for row in listed if not row.identifiable],
         others=[_parameter(row, kinds) for row in others],
         combinations=[
