@@ -67,6 +67,7 @@ class Judged:
         inside: Coverage just inside of the outline.
         mismatch: Mismatch of outline and mask as a share of the mask's area.
         beyond: What of it is of the mask, outside of the outline; the rest is of the outline, off the mask.
+        bare_px: How far the outline reaches over bare background, away from the mask [px].
     """
 
     frame: Frame
@@ -76,6 +77,7 @@ class Judged:
     inside: float
     mismatch: float
     beyond: float = 0.0
+    bare_px: float = 0.0
 
     @property
     def score(self) -> float:
@@ -252,14 +254,22 @@ class Sight:
     def mismatch(self) -> float:
         """Median mismatch of the outline over the tracked frames, as a share of the mask's area; NaN without
         any."""
-        shares = [judged.mismatch for judged in self.judged if judged.tracked]
-        return float(np.median(shares)) if shares else float("nan")
+        return self._usual("mismatch")
 
     @property
     def beyond(self) -> float:
         """Median of what of the mismatch is outside of the outline, likewise."""
-        shares = [judged.beyond for judged in self.judged if judged.tracked]
-        return float(np.median(shares)) if shares else float("nan")
+        return self._usual("beyond")
+
+    @property
+    def bare_px(self) -> float:
+        """Median of how far the outline reaches over bare background [px], likewise: what stands before the
+        mechanism hides it in some of the frames."""
+        return self._usual("bare_px")
+
+    def _usual(self, name: str) -> float:
+        values = [getattr(judged, name) for judged in self.judged if judged.tracked]
+        return float(np.median(values)) if values else float("nan")
 
 
 def _pose(poses: Poses | None, frame: int) -> np.ndarray | None:
@@ -322,8 +332,8 @@ def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool, arou
     mask = scene.masks.of(frame)
     planes = planes_for(mask, view)
     found = edge_terms(planes, view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX).agreement
-    missing, more = _mismatch(scene, planes, view, _during(scene, frame.index, position), around)
-    return Judged(frame, position, tracked, found.matched, found.inside, missing + more, more)
+    missing, more, bare_px = _mismatch(scene, planes, view, _during(scene, frame.index, position), around)
+    return Judged(frame, position, tracked, found.matched, found.inside, missing + more, more, bare_px)
 
 
 def _during(scene: Scene, frame: int, position: np.ndarray) -> list[np.ndarray]:
@@ -339,14 +349,17 @@ def _during(scene: Scene, frame: int, position: np.ndarray) -> list[np.ndarray]:
 
 def _mismatch(
     scene: Scene, planes: np.ndarray, view: View, positions: Sequence[np.ndarray], window: Window
-) -> tuple[float, float]:
+) -> tuple[float, float, float]:
     """Return the mismatch of outline and mask within a window as shares of the mask's area there: what the
-    outline has and the mask has not, and the other way round.
+    outline has and the mask has not, and the other way round; and how far the first reaches from the mask
+    [px]. Of the mask only what touches the outline counts: other things may move beside the mechanism.
 
     The outline covers a pixel as it does in the mean of ``positions``, the poses during the exposure. Where
     the background has a geom's colour nothing of the geom is expected, and coverage that noise alone makes is
     none: over the whole window it would outweigh a thin rod.
     """
+    import cv2
+
     part = (slice(None), slice(window.top, window.bottom), slice(window.left, window.right))
     planes, trust = planes[part], view.trust[part]
     noise = SHOWN_NOISE / (TRUSTED_NOISE * np.maximum(trust, TRUSTED))
@@ -369,9 +382,20 @@ def _mismatch(
             varied = scene.masks.varied and plane == len(planes) - 1
             level = (LEAST_LEVEL * drawn).astype(np.int16) if varied else drawn
             expected = np.maximum(expected, np.where(trust[plane] >= TRUSTED, level, 0))
+    covered = np.where(_touching(covered, model), covered, 0)
     missing, more = np.maximum(expected - covered, 0), np.maximum(covered - model, 0)
     area = max(float(covered[known].sum()), float(FULL))
-    return float(missing.sum()) / area, float(more[known].sum()) / area
+    away = cv2.distanceTransform((covered < FULL // 2).astype(np.uint8), cv2.DIST_L2, 5)
+    bare_px = float(away[missing > FULL // 2].max(initial=0.0))
+    return float(missing.sum()) / area, float(more[known].sum()) / area, bare_px
+
+
+def _touching(covered: np.ndarray, model: np.ndarray) -> np.ndarray:
+    """Return which covered pixels hang together with an outline, bool (height, width)."""
+    import cv2
+
+    count, piece = cv2.connectedComponents(((covered > 0) | (model > 0)).astype(np.uint8))
+    return np.isin(np.arange(count), piece[model > 0])[piece]
 
 
 def _drawn(outlines: Sequence[np.ndarray], window: Window) -> np.ndarray:
