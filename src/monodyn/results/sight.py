@@ -22,7 +22,14 @@ from monodyn.vision.clip.video import Video
 from monodyn.vision.drawing.probe import LEAST_LEVEL, TRUSTED
 from monodyn.vision.drawing.shown import pose_row
 from monodyn.vision.drawing.shutter import SLOW_PX, way
-from monodyn.vision.foreground.background import SHOWN_NOISE, Background, Samples, background_of
+from monodyn.vision.foreground.background import (
+    CHANGED_NOISE,
+    SHOWN_NOISE,
+    Background,
+    Samples,
+    background_of,
+)
+from monodyn.vision.foreground.changes import apart, full_size
 from monodyn.vision.foreground.masks import planes_for
 from monodyn.vision.foreground.palette import TRUSTED_NOISE
 from monodyn.vision.foreground.sampling import sample_frames
@@ -332,7 +339,9 @@ def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool, arou
     mask = scene.masks.of(frame)
     planes = planes_for(mask, view)
     found = edge_terms(planes, view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX).agreement
-    missing, more, bare_px = _mismatch(scene, planes, view, _during(scene, frame.index, position), around)
+    missing, more, bare_px = _mismatch(
+        scene, frame, planes, view, _during(scene, frame.index, position), around
+    )
     return Judged(frame, position, tracked, found.matched, found.inside, missing + more, more, bare_px)
 
 
@@ -348,7 +357,12 @@ def _during(scene: Scene, frame: int, position: np.ndarray) -> list[np.ndarray]:
 
 
 def _mismatch(
-    scene: Scene, planes: np.ndarray, view: View, positions: Sequence[np.ndarray], window: Window
+    scene: Scene,
+    frame: Frame,
+    planes: np.ndarray,
+    view: View,
+    positions: Sequence[np.ndarray],
+    window: Window,
 ) -> tuple[float, float, float]:
     """Return the mismatch of outline and mask within a window as shares of the mask's area there: what the
     outline has and the mask has not, and the other way round; and how far the first reaches from the mask
@@ -385,9 +399,19 @@ def _mismatch(
     covered = np.where(_touching(covered, model), covered, 0)
     missing, more = np.maximum(expected - covered, 0), np.maximum(covered - model, 0)
     area = max(float(covered[known].sum()), float(FULL))
-    away = cv2.distanceTransform((covered < FULL // 2).astype(np.uint8), cv2.DIST_L2, 5)
+    away = cv2.distanceTransform(_bare(scene, frame, window).astype(np.uint8), cv2.DIST_L2, 5)
     bare_px = float(away[missing > FULL // 2].max(initial=0.0))
     return float(missing.sum()) / area, float(more[known].sum()) / area, bare_px
+
+
+def _bare(scene: Scene, frame: Frame, window: Window) -> np.ndarray:
+    """Return which pixels of a window show the background in a frame, bool (height, width)."""
+    background = scene.masks.background
+    part = (slice(window.top, window.bottom), slice(window.left, window.right))
+    shown = np.stack(full_size(frame.luma, frame.chroma))
+    shown = displaced(shown, -scene.masks.away(frame.index))[:, part[0], part[1]]
+    behind = [plane[part] for plane in full_size(background.luma, background.chroma)]
+    return apart(list(shown), behind) < (CHANGED_NOISE * background.pixel_noise[part]) ** 2
 
 
 def _touching(covered: np.ndarray, model: np.ndarray) -> np.ndarray:
