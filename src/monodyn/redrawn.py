@@ -84,9 +84,9 @@ def _beyond(px: float, size: float) -> str:
     """Return the sentence on an outline that reaches over the background."""
     return (
         f"The pictures show {px:.0f} px of bare background where the outline would be, {px / size:.0%} of "
-        f"its size of {size:.0f} px. A joint may give way, by which sizes come out wrong, or something stands "
-        "before the mechanism and looks like what is behind it: diagnosis.png shows where; hold what gives "
-        "way, or give a length with --fix."
+        f"its size of {size:.0f} px. A joint may give way, by which sizes come out wrong, or something "
+        "stands before the mechanism and looks like what is behind it: diagnosis.png shows where; hold what "
+        "gives way, or give a length with --fix."
     )
 
 
