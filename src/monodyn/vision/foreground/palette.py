@@ -48,8 +48,8 @@ taken out; and share of the pixels where as much is left."""
 THINNED = 8
 """Every so many pixels along a side tell it."""
 ALIKE = 1 / 3
-"""Distance from the wall around it, or from a colour of the mechanism, from which on a pixel shows neither, as
-a share of their distance."""
+"""Distance from the wall around it, or from a colour of the mechanism, from which on a pixel shows neither,
+as a share of their distance."""
 AROUND_PX = 3.0
 """How far around a pixel the wall is looked at [px]."""
 AT_ONCE = 50_000
