@@ -40,8 +40,8 @@ SIGMAS = 4.0
 """Standard deviations by which a value may be off."""
 SEEN_WIDTH = 3.0
 """Least width whose value is judged [px]: a thread's is not measured."""
-CHECK = "the pictures: drawn again, "
-"""What every doubt of the picture check has in it."""
+CHECK = "the pictures: drawn again, ", "The pictures show "
+"""What the doubts of the picture check have in them."""
 GRADED = ("trusted", "approximate")
 """Grades of an answer."""
 
@@ -105,7 +105,9 @@ def lost_to_check(row: dict[str, Any]) -> bool:
     Args:
         row: From ``judged``.
     """
-    return bool(row["within"] and row["doubts"]) and all(CHECK in reason for reason in row["doubts"])
+    return bool(row["within"] and row["doubts"]) and all(
+        any(said in reason for said in CHECK) for reason in row["doubts"]
+    )
 
 
 def pose_errors(

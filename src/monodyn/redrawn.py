@@ -13,6 +13,7 @@ import numpy as np
 from monodyn.estimation.fit import Doubt, Fit
 from monodyn.mechanism import Mechanism
 from monodyn.results.filmed import filmed_of
+from monodyn.results.sight import Sight
 from monodyn.results.trace import trace_of
 from monodyn.types import Camera, Poses
 from monodyn.vision.drawing.outline import outline
@@ -26,6 +27,9 @@ BESIDE = 0.1
 far off counts as wrong."""
 STRAY = 0.1
 """Share of the frames that may be farther off: as many poses as a fit may leave out as gross errors."""
+BARE = 0.05
+"""Reach of the outline over bare background, over its size, from which on it is not trusted: half of what
+makes a pose wrong. Outlines that lie right reach 1 to 4 %, the more the worse they stand out."""
 MEASURED = 12
 """Frames, at most, by which the size of the outline is measured: it hardly changes."""
 
@@ -63,7 +67,8 @@ def redrawn(fit: Fit, scene: Scene | PointScene, followed: Poses) -> Fit:
         if px[worst] > BESIDE * size:
             said = _contradicted(what, marks[worst].target, float(px[worst]), size)
             return fit.doubted([Doubt("refused", said)])
-    return fit
+    bare_px = Sight(scene.video, scene.masks, scene, followed).bare_px if isinstance(scene, Scene) else 0.0
+    return fit.doubted([Doubt("approximate", _beyond(bare_px, size))]) if bare_px > BARE * size else fit
 
 
 def _contradicted(what: str, point: str, px: float, size: float) -> str:
@@ -72,6 +77,16 @@ def _contradicted(what: str, point: str, px: float, size: float) -> str:
         f"{what} the pictures: drawn again, '{point}' lies up to {px:.0f} px beside where they show it, "
         f"{px / size:.0%} of the outline's size of {size:.0f} px. Sizes and camera do not go with this "
         "motion: compare overlay.mp4, and give a length or the camera's turns with --fix."
+    )
+
+
+def _beyond(px: float, size: float) -> str:
+    """Return the sentence on an outline that reaches over the background."""
+    return (
+        f"The pictures show {px:.0f} px of bare background where the outline would be, {px / size:.0%} of "
+        f"its size of {size:.0f} px. A joint may give way, by which sizes come out wrong, or something "
+        "stands before the mechanism and looks like what is behind it: diagnosis.png shows where; hold what "
+        "gives way, or give a length with --fix."
     )
 
 

@@ -22,7 +22,14 @@ from monodyn.vision.clip.video import Video
 from monodyn.vision.drawing.probe import LEAST_LEVEL, TRUSTED
 from monodyn.vision.drawing.shown import pose_row
 from monodyn.vision.drawing.shutter import SLOW_PX, way
-from monodyn.vision.foreground.background import SHOWN_NOISE, Background, Samples, background_of
+from monodyn.vision.foreground.background import (
+    CHANGED_NOISE,
+    SHOWN_NOISE,
+    Background,
+    Samples,
+    background_of,
+)
+from monodyn.vision.foreground.changes import apart, full_size
 from monodyn.vision.foreground.masks import planes_for
 from monodyn.vision.foreground.palette import TRUSTED_NOISE
 from monodyn.vision.foreground.sampling import sample_frames
@@ -72,6 +79,7 @@ class Judged:
         beyond: What of it is of the mask, outside of the outline; the rest is of the outline, off the mask.
         alone: Of each body the area of its outline, how much of the picture it alone covers, and how much of
             that stands out from the background [px], (body, 3).
+        bare_px: How far the outline reaches over bare background, away from the mask [px].
     """
 
     frame: Frame
@@ -82,6 +90,7 @@ class Judged:
     mismatch: float
     beyond: float = 0.0
     alone: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    bare_px: float = 0.0
 
     @property
     def score(self) -> float:
@@ -258,14 +267,22 @@ class Sight:
     def mismatch(self) -> float:
         """Median mismatch of the outline over the tracked frames, as a share of the mask's area; NaN without
         any."""
-        shares = [judged.mismatch for judged in self.judged if judged.tracked]
-        return float(np.median(shares)) if shares else float("nan")
+        return self._usual("mismatch")
 
     @property
     def beyond(self) -> float:
         """Median of what of the mismatch is outside of the outline, likewise."""
-        shares = [judged.beyond for judged in self.judged if judged.tracked]
-        return float(np.median(shares)) if shares else float("nan")
+        return self._usual("beyond")
+
+    @property
+    def bare_px(self) -> float:
+        """Median of how far the outline reaches over bare background [px], likewise: what stands before the
+        mechanism hides it in some of the frames."""
+        return self._usual("bare_px")
+
+    def _usual(self, name: str) -> float:
+        values = [getattr(judged, name) for judged in self.judged if judged.tracked]
+        return float(np.median(values)) if values else float("nan")
 
     @property
     def unshown(self) -> list[str]:
@@ -344,9 +361,10 @@ def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool, arou
     mask = scene.masks.of(frame)
     planes = planes_for(mask, view)
     found = edge_terms(planes, view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX).agreement
-    missing, more = _mismatch(scene, planes, view, _during(scene, frame.index, position), around)
+    during = _during(scene, frame.index, position)
+    missing, more, bare_px = _mismatch(scene, frame, planes, view, during, around)
     alone = _alone(scene, planes, view, position)
-    return Judged(frame, position, tracked, found.matched, found.inside, missing + more, more, alone)
+    return Judged(frame, position, tracked, found.matched, found.inside, missing + more, more, alone, bare_px)
 
 
 def _alone(scene: Scene, planes: np.ndarray, view: View, position: np.ndarray) -> np.ndarray:
@@ -379,15 +397,23 @@ def _during(scene: Scene, frame: int, position: np.ndarray) -> list[np.ndarray]:
 
 
 def _mismatch(
-    scene: Scene, planes: np.ndarray, view: View, positions: Sequence[np.ndarray], window: Window
-) -> tuple[float, float]:
+    scene: Scene,
+    frame: Frame,
+    planes: np.ndarray,
+    view: View,
+    positions: Sequence[np.ndarray],
+    window: Window,
+) -> tuple[float, float, float]:
     """Return the mismatch of outline and mask within a window as shares of the mask's area there: what the
-    outline has and the mask has not, and the other way round.
+    outline has and the mask has not, and the other way round; and how far the first reaches from the mask
+    [px]. Of the mask only what touches the outline counts: other things may move beside the mechanism.
 
     The outline covers a pixel as it does in the mean of ``positions``, the poses during the exposure. Where
     the background has a geom's colour nothing of the geom is expected, and coverage that noise alone makes is
     none: over the whole window it would outweigh a thin rod.
     """
+    import cv2
+
     part = (slice(None), slice(window.top, window.bottom), slice(window.left, window.right))
     planes, trust = planes[part], view.trust[part]
     noise = SHOWN_NOISE / (TRUSTED_NOISE * np.maximum(trust, TRUSTED))
@@ -410,9 +436,30 @@ def _mismatch(
             varied = scene.masks.varied and plane == len(planes) - 1
             level = (LEAST_LEVEL * drawn).astype(np.int16) if varied else drawn
             expected = np.maximum(expected, np.where(trust[plane] >= TRUSTED, level, 0))
+    covered = np.where(_touching(covered, model), covered, 0)
     missing, more = np.maximum(expected - covered, 0), np.maximum(covered - model, 0)
     area = max(float(covered[known].sum()), float(FULL))
-    return float(missing.sum()) / area, float(more[known].sum()) / area
+    away = cv2.distanceTransform(_bare(scene, frame, window).astype(np.uint8), cv2.DIST_L2, 5)
+    bare_px = float(away[missing > FULL // 2].max(initial=0.0))
+    return float(missing.sum()) / area, float(more[known].sum()) / area, bare_px
+
+
+def _bare(scene: Scene, frame: Frame, window: Window) -> np.ndarray:
+    """Return which pixels of a window show the background in a frame, bool (height, width)."""
+    background = scene.masks.background
+    part = (slice(window.top, window.bottom), slice(window.left, window.right))
+    shown = np.stack(full_size(frame.luma, frame.chroma))
+    shown = displaced(shown, -scene.masks.away(frame.index))[:, part[0], part[1]]
+    behind = [plane[part] for plane in full_size(background.luma, background.chroma)]
+    return apart(list(shown), behind) < (CHANGED_NOISE * background.pixel_noise[part]) ** 2
+
+
+def _touching(covered: np.ndarray, model: np.ndarray) -> np.ndarray:
+    """Return which covered pixels hang together with an outline, bool (height, width)."""
+    import cv2
+
+    count, piece = cv2.connectedComponents(((covered > 0) | (model > 0)).astype(np.uint8))
+    return np.isin(np.arange(count), piece[model > 0])[piece]
 
 
 def _drawn(outlines: Sequence[np.ndarray], window: Window) -> np.ndarray:

@@ -15,6 +15,7 @@ from monodyn.cores import on_all_cores
 from monodyn.types import FULL
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background
 from monodyn.vision.foreground.changes import MOST_CONTRAST, full_size
+from monodyn.vision.foreground.covered import reduced_mask
 from monodyn.vision.foreground.masks import (
     FRONT,
     LEFT_OUT,
@@ -46,6 +47,11 @@ UNMIXED, UNMIXED_SHARE = 0.3, 0.9
 taken out; and share of the pixels where as much is left."""
 THINNED = 8
 """Every so many pixels along a side tell it."""
+ALIKE = 1 / 3
+"""Distance from the wall around it, or from a colour of the mechanism, from which on a pixel shows neither,
+as a share of their distance."""
+AROUND_PX = 3.0
+"""How far around a pixel the wall is looked at [px]."""
 AT_ONCE = 50_000
 """Pixels whose contrast is computed at a time."""
 
@@ -166,6 +172,49 @@ def measured_palette(palette: Palette, background: Background, measured: GeomCol
         contrast=palette.contrast,
         shadow=palette.shadow,
     )
+
+
+def with_wall(background: Background, colours: np.ndarray, *, grey_only: bool) -> Background:
+    """Return a background that is known, too, where an outline lay all the time but the wall around it shows.
+
+    What an outline covers in every frame would stay unknown, and nothing could speak against an outline that
+    reaches too far.
+
+    Args:
+        background: The background.
+        colours: Of the mechanism, (colour, 3).
+        grey_only: True where grey alone distinguishes the mechanism from the background.
+    """
+    import cv2
+
+    covered = background.counts & ~background.known
+    if background.given or not covered.any():
+        return background
+    planes = [background.luma, *(background.chroma or ())]
+    few = [reduced_mask(covered, plane.shape) for plane in planes]
+    walls = [
+        cv2.inpaint(plane, own.view(np.uint8), AROUND_PX, cv2.INPAINT_TELEA)
+        for plane, own in zip(planes, few, strict=True)
+    ]
+    count = 1 if grey_only else len(planes)
+    shown, wall = (
+        np.stack([plane[covered] for plane in full_size(some[0], tuple(some[1:count]))])
+        for some in (planes, walls)
+    )
+
+    def apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        return np.tensordot(_WEIGHTS[:count], (one - other) ** 2, axes=(0, 0))
+
+    every = colours.T[:count, :, np.newaxis]
+    away = ALIKE**2 * apart(every, wall[:, np.newaxis])
+    seen, known = background.known.copy(), background.known.copy()
+    seen[covered] = apart(shown, wall) < away.min(axis=0)
+    known[covered] = seen[covered] | np.any(apart(shown[:, np.newaxis], every) < away, axis=0)
+    hidden = [own & reduced_mask(known & ~seen, plane.shape) for own, plane in zip(few, planes, strict=True)]
+    luma, *chroma = (
+        np.where(own, behind, plane) for own, behind, plane in zip(hidden, walls, planes, strict=True)
+    )
+    return replace(background, luma=luma, chroma=tuple(chroma) or None, known=known)
 
 
 def _shown(order: np.ndarray, part: np.ndarray, palette: Palette, background: Background) -> np.ndarray:

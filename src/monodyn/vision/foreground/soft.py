@@ -24,7 +24,7 @@ from monodyn.vision.foreground.covered import covered_whole
 from monodyn.vision.foreground.light import Light, in_one_light, light_of
 from monodyn.vision.foreground.masks import GeomColours, View, Wanted
 from monodyn.vision.foreground.moving_colours import lingering, moving_colours
-from monodyn.vision.foreground.palette import Palette, measured_palette, palette_of
+from monodyn.vision.foreground.palette import Palette, measured_palette, palette_of, with_wall
 from monodyn.vision.foreground.sampling import sample_frames
 from monodyn.vision.foreground.unread import Sampled
 from monodyn.vision.registration.register import onto_scene, steadied
@@ -120,7 +120,9 @@ class SoftMasks(Sampled):
         """
         if colours is None:
             return self
-        return replace(self, palette=measured_palette(self.palette, self.background, colours))
+        background = with_wall(self.background, colours.colours, grey_only=self.palette.grey_only)
+        palette = measured_palette(self.palette, background, colours)
+        return replace(self, background=background, palette=palette)
 
     def over(self, samples: Samples) -> SoftMasks:
         """Return the masks found anew from other samples.

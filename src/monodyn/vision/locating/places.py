@@ -25,6 +25,8 @@ DEPARTED = 5.0
 
 MORE_AGREE = 0.005
 """Share of the outline's samples that must agree in addition for it to stay there."""
+SHORT_PX = 4.0
+"""Length below which an outline is a speck, of which no edge says how long it is [px]."""
 STRIDE = 3
 """Of the search lengths of a refinement every third one is enough to see what departs."""
 
@@ -118,7 +120,9 @@ def without_unseen(bundle: Bundle, file: Mechanism) -> Bundle:
         i, k = names.index(size), names.index(name)
         grow = np.zeros(len(x))
         grow[i], grow[k] = 1.0, -x[k]
-        if grow @ bundle.information @ grow < 1.0 / LOG_STD**2 and known[name] * values[name] > 0.0:
+        short = values[size] * bundle.camera.focal / bundle.camera.depth < SHORT_PX
+        hidden = short or grow @ bundle.information @ grow < 1.0 / LOG_STD**2
+        if hidden and known[name] * values[name] > 0.0:
             sizes[size] = values[name] * known[size] / known[name]
             tied.append(name)
             width = size.removesuffix("length") + "width"
