@@ -455,11 +455,13 @@ def _bare(scene: Scene, frame: Frame, window: Window) -> np.ndarray:
 
 
 def _touching(covered: np.ndarray, model: np.ndarray) -> np.ndarray:
-    """Return which covered pixels hang together with an outline, bool (height, width)."""
+    """Return which covered pixels hang together with an outline, bool (height, width): all where it lies
+    outside."""
     import cv2
 
-    count, piece = cv2.connectedComponents(((covered > 0) | (model > 0)).astype(np.uint8))
-    return np.isin(np.arange(count), piece[model > 0])[piece]
+    together = cv2.connectedComponents(((covered > 0) | (model > 0)).astype(np.uint8))[1]
+    own = np.unique(together[model > 0])
+    return np.isin(together, own) if len(own) else np.ones(covered.shape, dtype=np.bool_)
 
 
 def _drawn(outlines: Sequence[np.ndarray], window: Window) -> np.ndarray:

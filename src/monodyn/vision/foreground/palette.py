@@ -193,12 +193,12 @@ def with_wall(background: Background, colours: np.ndarray, *, grey_only: bool) -
     planes = [background.luma, *(background.chroma or ())]
     few = [reduced_mask(covered, plane.shape) for plane in planes]
     walls = [
-        cv2.inpaint(plane, own.view(np.uint8), AROUND_PX, cv2.INPAINT_TELEA)
+        np.asarray(cv2.inpaint(plane, own.view(np.uint8), AROUND_PX, cv2.INPAINT_TELEA))
         for plane, own in zip(planes, few, strict=True)
     ]
     count = 1 if grey_only else len(planes)
     shown, wall = (
-        np.stack([plane[covered] for plane in full_size(some[0], tuple(some[1:count]))])
+        np.stack([plane[covered] for plane in full_size(some[0], (some[1], some[2]) if count > 1 else None)])
         for some in (planes, walls)
     )
 
@@ -214,7 +214,7 @@ def with_wall(background: Background, colours: np.ndarray, *, grey_only: bool) -
     luma, *chroma = (
         np.where(own, behind, plane) for own, behind, plane in zip(hidden, walls, planes, strict=True)
     )
-    return replace(background, luma=luma, chroma=tuple(chroma) or None, known=known)
+    return replace(background, luma=luma, chroma=(chroma[0], chroma[1]) if chroma else None, known=known)
 
 
 def _shown(order: np.ndarray, part: np.ndarray, palette: Palette, background: Background) -> np.ndarray:
