@@ -271,7 +271,7 @@ def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> 
         base = links[base].parent
     link = links[i]
     if links[base].parent < 0:
-        return {"": link.offset - links[0].offset}
+        return {"": link.offset}
     body, bounds = link.joint.body, (-reach, reach)
     name = table.add(
         Entry(f"{body}.offset", "offset", body, link.offset, "m", free=True, bounds=bounds, sign=ANY)
