@@ -202,7 +202,7 @@ def make_plan(links: Sequence[Link], gravity: float) -> Plan:
         table.add(none)
     table.add(Entry("time_scale", "time_scale", "", 1.0, "1"))
     # gravity's direction in a picture: no part of the mechanism, but an unknown of its motion there
-    turns = (-math.pi, math.pi)
+    turns = (-2.0 * math.pi, 2.0 * math.pi)
     table.add(Entry("camera.roll", "roll", "", 0.0, "rad", bounds=turns, sign=ANY))
     return _stack(links, table, anchors, solids, joints, depths)
 

@@ -6,7 +6,7 @@ rollouts of a few samples for motion too fast to be smoothed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +24,7 @@ from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.pushed import at_best_torque
 from monodyn.estimation.shooting.scaling import starts_of_scales
 from monodyn.estimation.shooting.shoot import Route, fit_pieces
+from monodyn.mechanism.upright import QUARTERS, ROLL
 from monodyn.optimize import SearchSettings, minimize, scatter
 
 FACTORS = 2.0 ** np.arange(-4.0, 11.0)
@@ -52,8 +53,9 @@ def starts(
 ) -> Iterator[tuple[np.ndarray, Route]]:
     """Yield starts in the order in which they should be tried, with the route to go from there.
 
-    First the best match of accelerations; then the file's start at the common scale that short rollouts find,
-    with shorter pieces; then starts scattered about that one, lengths within a factor of 1.5, masses of 3.
+    First the best match of accelerations; the best with gravity from any side of the picture, if that is
+    another; then the file's start at the common scale that short rollouts find, with shorter pieces; then
+    starts scattered about that one, lengths within a factor of 1.5, masses of 3.
 
     Args:
         problem: The problem.
@@ -70,6 +72,9 @@ def starts(
     yield matched(problem, motion), route
     if count < 2:
         return
+    level, turned = (_nearest(problem, motion, turns) for turns in ((), QUARTERS))
+    if not np.array_equal(level, turned):
+        yield match(problem, motion, turned), route
     short = replace(route, piece=max(SHORTEST_PIECE, route.piece // 2))
     rolled = _rolled(problem, motion, smoothed, short)
     yield rolled, short
@@ -90,9 +95,16 @@ def matched(problem: Problem, motion: SmoothMotion) -> np.ndarray:
     Returns:
         Coordinates, (param,).
     """
+    return match(problem, motion, _nearest(problem, motion))
+
+
+def _nearest(problem: Problem, motion: SmoothMotion, turns: Sequence[float] = ()) -> np.ndarray:
+    """Return the start of the common scale that matches best, (param,); where the roll is an unknown, gravity
+    may be turned in the picture by ``turns`` [rad] as well."""
     tried = _scales(problem, motion)
-    nearest = min(tried, key=lambda x: mismatch_cost(problem, x, motion))
-    return match(problem, motion, nearest)
+    roll = np.array([name == ROLL for name in problem.unknowns.names])
+    tried += [x + turn * roll for turn in turns for x in tried]
+    return min(tried, key=lambda x: mismatch_cost(problem, x, motion))
 
 
 def _scales(problem: Problem, motion: SmoothMotion) -> list[np.ndarray]:

@@ -35,7 +35,7 @@ from monodyn.estimation.verdict.stretches import other_rate
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.mounted import mounted
-from monodyn.mechanism.upright import ROLL, feels_roll, in_metres
+from monodyn.mechanism.upright import QUARTERS, ROLL, feels_roll, in_metres
 from monodyn.types import Poses, Progress
 
 HALVED = 2.0
@@ -215,7 +215,7 @@ def _starts(mechanism: Mechanism, names: Sequence[str]) -> list[Mechanism]:
     freed = mechanism.with_choices(free=names)
     if ROLL not in names:
         return [freed]
-    turns = mechanism.values[ROLL] + np.pi * np.array([0.0, 0.5, 1.0, -0.5])
+    turns = mechanism.values[ROLL] + np.array([0.0, *QUARTERS])
     return [freed.with_values({ROLL: float(np.angle(np.exp(1j * turn)))}) for turn in turns]
 
 
