@@ -24,7 +24,7 @@ from monodyn.paper.subproblems import (
     outline_points,
 )
 from monodyn.paper.view import CAMERA_HELD, ModelView, SilhouetteImage
-from monodyn.vision.drawing.camera import DEPTH, X, Y
+from monodyn.vision.drawing.camera import DEPTH, X
 
 SETTLED_PX = 0.03
 """Camera and pose have converged, and so has a round without a gain, where the outline moves by no more [px],
