@@ -111,6 +111,7 @@ FIRST = (
     .replace(HINGE.format("jb", "0 -1 0") + "@", "@" + HINGE.format("jb", "0 -1 0"))
     .replace("@", BOX)
 )
+FIXED = '<body pos="0.1 0 1"><body pos="0 0 1">{}</body></body>'
 STAND = (
     '<geom type="plane" size="2 2 0.1" pos="0 0 -1"/><geom type="box" size="0.02 0.02 0.5" pos="0 0.1 -0.5"/>'
 )
@@ -145,7 +146,7 @@ PAIRS = (
     Pair("sizes x 0.1", DOUBLE, world(SMALLER), Effect(size=0.1)),
     Pair("sizes x 10", DOUBLE, world(LARGER), Effect(size=10.0)),
     Pair("renamed", DOUBLE, world(renamed(double())), Effect(names=RENAMED)),
-    same("in two fixed bodies", DOUBLE, world(f'<body pos="0.1 0 1"><body pos="0 0 1">{double()}</body></body>')),
+    same("in two fixed bodies", DOUBLE, world(FIXED.format(double()))),
     same("in a frame", DOUBLE, world(f'<frame pos="0.3 0 1">{double()}</frame>')),
     same("geoms before joints", DOUBLE, world(FIRST)),
     same("y is up", DOUBLE, world(f'<body {UP_IS_Y}>{double()}</body>', gravity="0 -9.81 0")),
@@ -164,7 +165,7 @@ PAIRS = (
     same("cart moved", CART, world(cart('pos="0.3 0.2 1"'))),
     same("cart in a fixed body", CART, world(f'<body pos="0 0 1">{cart()}</body>')),
     same("cart before its frame", CART, world(cart(off="1"))),
-    same("cart in a world whose y is up", CART, world(f'<body {UP_IS_Y}>{cart()}</body>', gravity="0 -9.81 0")),
+    same("cart where y is up", CART, world(f'<body {UP_IS_Y}>{cart()}</body>', gravity="0 -9.81 0")),
     Pair("slide reversed", CART, world(cart(axis="-1 0 0")), Effect(sign=(-1.0, 1.0))),
     Pair(
         "cart's frame turned", CART,
