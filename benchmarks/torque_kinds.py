@@ -26,7 +26,7 @@ from monodyn.mechanism import Mechanism
 from monodyn.types import Poses
 
 STEPS = 40
-"""Integration steps of MuJoCo between two rows."""
+"""Integration steps of MuJoCo between two rows at the usual rate."""
 NOISE = 1e-3
 """Of the positions [rad or m]."""
 RATE = 60.0
@@ -54,6 +54,8 @@ class Drawn:
         lengths: True lengths and thicknesses by name [m].
         about: What was drawn, in words.
         period: The period of the torque [s]; 0 for none.
+        truth: The mechanism that moved, with its viscous friction and without the torque.
+        state: Its positions and rates at the first row, (2 dof,).
     """
 
     poses: Poses
@@ -61,7 +63,9 @@ class Drawn:
     sizes: dict[str, float]
     lengths: dict[str, float]
     about: str
-    period: float = 0.0
+    period: float
+    truth: Mechanism
+    state: np.ndarray
 
 
 Torque = Callable[[float], np.ndarray]
@@ -180,7 +184,7 @@ def drawn_period(seed: int) -> Drawn:
         order = 2.0 * np.pi * np.arange(1, terms + 1) / period
         return lambda now: np.sum(size * np.sin(order[:, None] * now + phase), axis=0)
 
-    return _record(model, rng, seconds, series, about, ("damping",), period)
+    return recorded(model, rng, seconds, series, about, ("damping",), period)
 
 
 def drawn_kind(kind: str, seed: int) -> Drawn:
@@ -197,7 +201,7 @@ def drawn_kind(kind: str, seed: int) -> Drawn:
         return drawn_period(1000 + seed)
     brakes = {"none": (), "viscous": ("damping",), "dry": ("damping", "friction"), "drag": ("drag",)}
     if kind != "free":
-        return _record(model, rng, seconds, None, model, brakes[kind])
+        return recorded(model, rng, seconds, None, model, brakes[kind])
     share = float(rng.uniform(0.1, 0.5))
 
     def pushes(level: np.ndarray) -> Torque:
@@ -206,10 +210,10 @@ def drawn_kind(kind: str, seed: int) -> Drawn:
         size = share * level * rng.choice([-1.0, 1.0], (5, 1)) * rng.uniform(0.5, 1.0, (5, len(level)))
         return lambda now: np.exp(-(((now - middle) / width) ** 2)) @ size
 
-    return _record(model, rng, seconds, pushes, f"{model}, pushes of {share:.2g}", ("damping",))
+    return recorded(model, rng, seconds, pushes, f"{model}, pushes of {share:.2g}", ("damping",))
 
 
-def _record(
+def recorded(
     model: str,
     rng: np.random.Generator,
     seconds: float,
@@ -217,15 +221,29 @@ def _record(
     about: str,
     brakes: tuple[str, ...],
     period: float = 0.0,
+    *,
+    rate: float = RATE,
 ) -> Drawn:
-    """Simulate a drawn mechanism; ``torque`` gets what holds each joint level [N m or N], (dof,)."""
+    """Return the record of a drawn mechanism.
+
+    Args:
+        model: The bundled mechanism that is drawn from.
+        rng: Where sizes, frictions, start and noise come from.
+        seconds: Length of the record [s].
+        torque: Gets what holds each joint level [N m or N], (dof,), and returns the torque over time; None
+            for none.
+        about: What was drawn, in words.
+        brakes: Kinds of friction that act.
+        period: The period of the torque [s]; 0 for none.
+        rate: Rows a second [Hz].
+    """
     mechanism = _drawn_mechanism(model, rng)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "moved.xml"
         monodyn.write_mjcf(mechanism, path)
         body = mujoco.MjModel.from_xml_path(str(path))
-    every = 1.0 / RATE
-    body.opt.timestep, body.opt.integrator = every / STEPS, mujoco.mjtIntegrator.mjINT_RK4
+    every, steps = 1.0 / rate, round(STEPS * RATE / rate)
+    body.opt.timestep, body.opt.integrator = every / steps, mujoco.mjtIntegrator.mjINT_RK4
     data = mujoco.MjData(body)
     level = _level(body, data)
     inertia = level / 9.81 * 0.2
@@ -244,11 +262,11 @@ def _record(
         data.qpos[0] -= 0.5 * np.pi
     elif body.nv > 1:
         data.qpos[1] -= 0.5 * np.pi
-    count = round(seconds * RATE)
+    state, count = np.concatenate((data.qpos, data.qvel)), round(seconds * rate)
     position = np.zeros((count, body.nv))
     for row in range(count):
         position[row] = data.qpos
-        for _ in range(STEPS):
+        for _ in range(steps):
             now = 0.0 if push is None else push(data.time + 0.5 * body.opt.timestep)
             data.qfrc_applied[:] = (
                 now - drag * np.abs(data.qvel) * data.qvel - dry * np.tanh(data.qvel / REST)
@@ -264,7 +282,8 @@ def _record(
     lengths = {
         p.name: p.value for p in mechanism.parameters if p.free and p.kind in ("length", "thickness", "mass")
     }
-    return Drawn(poses, model, shown, lengths, about, period)
+    damping = {f"{name}.damping": float(value) for name, value in zip(names, body.dof_damping, strict=True)}
+    return Drawn(poses, model, shown, lengths, about, period, mechanism.with_values(damping), state)
 
 
 def _drawn_mechanism(model: str, rng: np.random.Generator) -> Mechanism:
