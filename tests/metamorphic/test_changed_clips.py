@@ -67,11 +67,6 @@ def larger(picture: np.ndarray) -> np.ndarray:
     return cv2.resize(picture, None, fx=1.5, fy=1.5, interpolation=cv2.INTER_CUBIC)
 
 
-def smaller(picture: np.ndarray) -> np.ndarray:
-    """Reduce a picture by a quarter."""
-    return cv2.resize(picture, None, fx=0.75, fy=0.75, interpolation=cv2.INTER_AREA)
-
-
 def padded(picture: np.ndarray) -> np.ndarray:
     """Put black bars around a picture, each of another width."""
     return cv2.copyMakeBorder(picture, 20, 30, 40, 10, cv2.BORDER_CONSTANT, value=(0, 0, 0))
@@ -82,7 +77,6 @@ TURNED = "Gravity acts {} deg from straight down in the picture, more than a cam
 PAIRS = (
     Pair("mirrored", lambda p: p[:, ::-1], sign=-1.0, offset=-np.pi),
     Pair("larger", larger),
-    Pair("smaller", smaller),
     Pair("cropped", lambda p: p[4:-6, 16:-4]),
     Pair("padded", padded),
     Pair("begun later", rows=(12, 1)),
@@ -91,11 +85,9 @@ PAIRS = (
     Pair("vp9", codec=("libvpx-vp9", VP9, "yuv420p"), ending="webm"),
     Pair("mjpeg", codec=("mjpeg", {"qscale": "3"}, "yuvj420p"), ending="avi"),
     Pair("brighter", lambda p: np.clip(1.2 * p + 12.0, 0.0, 255.0).astype(np.uint8)),
-    Pair("negated", lambda p: 255 - p),
     Pair("upside down", lambda p: p[::-1, ::-1], said=TURNED.format(180)),
     Pair("turned to the left", np.rot90, "single_capsule", said=TURNED.format(90)),
     Pair("turned to the right", lambda p: np.rot90(p, 3), "single_capsule", said=TURNED.format(90)),
-    Pair("one link upside down", lambda p: p[::-1, ::-1], "single_capsule", said=TURNED.format(180)),
     Pair("cart mirrored", lambda p: p[:, ::-1], "cart_narrow_light", sign=-1.0, offset=-np.pi),
 )
 
@@ -179,7 +171,6 @@ def sized(factor: float) -> Callable[[str], str]:
 
 
 MODELS = (
-    Model("moved", based('pos="0.4 0 1"')),
     Model("moved and turned", based('pos="0.4 0 1" euler="0 40 0"'), offset=float(np.radians(40.0))),
     Model("a tenth", sized(0.1)),
     Model("ten times", sized(10.0)),
