@@ -57,8 +57,8 @@ UNITS = (
     ),
 )
 OTHERWISE = (
-    Pair("hanging is zero", lambda t, q: (t, q + 0.5 * np.pi), "--free camera.roll estimates it"),
-    Pair("other sign", lambda t, q: (t, -q), "does not follow the record"),
+    Pair("hanging is zero", lambda t, q: (t, q + 0.5 * np.pi), "With gravity 90 deg from straight down"),
+    Pair("other sign", lambda t, q: (t, -q), "With gravity 180 deg from straight down"),
 )
 """Of a single pendulum: one of two is searched for half a minute."""
 OF_TWO = (

@@ -6,7 +6,7 @@ rollouts of a few samples for motion too fast to be smoothed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -72,7 +72,7 @@ def starts(
     yield matched(problem, motion), route
     if count < 2:
         return
-    level, turned = (_nearest(problem, motion, turns) for turns in ((), QUARTERS))
+    level, turned = (_nearest(problem, motion, sides) for sides in (1, None))
     if not np.array_equal(level, turned):
         yield match(problem, motion, turned), route
     short = replace(route, piece=max(SHORTEST_PIECE, route.piece // 2))
@@ -98,13 +98,22 @@ def matched(problem: Problem, motion: SmoothMotion) -> np.ndarray:
     return match(problem, motion, _nearest(problem, motion))
 
 
-def _nearest(problem: Problem, motion: SmoothMotion, turns: Sequence[float] = ()) -> np.ndarray:
-    """Return the start of the common scale that matches best, (param,); where the roll is an unknown, gravity
-    may be turned in the picture by ``turns`` [rad] as well."""
-    tried = _scales(problem, motion)
-    roll = np.array([name == ROLL for name in problem.unknowns.names])
-    tried += [x + turn * roll for turn in turns for x in tried]
+def _nearest(problem: Problem, motion: SmoothMotion, sides: int | None = 1) -> np.ndarray:
+    """Return the start of the common scale that matches best, (param,), with gravity from so many sides of
+    the picture, None for all."""
+    tried = [turned for x in _scales(problem, motion) for turned in from_sides(problem, x)[:sides]]
     return min(tried, key=lambda x: mismatch_cost(problem, x, motion))
+
+
+def from_sides(problem: Problem, x: np.ndarray) -> list[np.ndarray]:
+    """Return a start, then the same with gravity from each other side of the picture.
+
+    Args:
+        problem: The problem; where its unknowns lack the roll, the start stays alone.
+        x: Coordinates of the start, (param,).
+    """
+    roll = np.array([name == ROLL for name in problem.unknowns.names])
+    return [x, *(x + turn * roll for turn in QUARTERS if roll.any())]
 
 
 def _scales(problem: Problem, motion: SmoothMotion) -> list[np.ndarray]:
