@@ -326,8 +326,8 @@ def tilted(roll: float, times: float) -> str:
     """
     return (
         f"With gravity {two_digits(abs(np.degrees(roll)))} deg from straight down where the angles are "
-        f"measured the motion comes {two_digits(times)} times as close to the record: a camera is out of level "
-        "by that much, or the zero of an encoder is; --free camera.roll estimates it, "
+        f"measured the motion comes {two_digits(times)} times as close to the record: a camera is out of "
+        "level by that much, or the zero of an encoder is; --free camera.roll estimates it, "
         "--fix camera.roll=VALUE [rad] gives it."
     )
 
