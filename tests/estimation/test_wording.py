@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monodyn.estimation.wording import amount, amounts, listed, percent
+from monodyn.estimation.wording import amount, amounts, listed, percent, two_digits
 from monodyn.mechanism import load
 
 
@@ -26,3 +26,10 @@ def test_degrees_of_hinges_and_millimetres_of_slides():
     slide, hinge = (joint.name for joint in cart.joints)
     assert amount(cart, slide, 0.01234) == "12.3 mm"
     assert amounts(cart, {slide: 0.001, hinge: np.radians(3.0)}) == f"1 mm ({slide}) and 3 deg ({hinge})"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(527.0, "530"), (180.0, "180"), (3.44, "3.4"), (0.0123, "0.012")]
+)
+def test_two_digits_without_an_exponent(value, text):
+    assert two_digits(value) == text

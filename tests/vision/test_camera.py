@@ -91,11 +91,11 @@ def test_parameters_by_name() -> None:
 @pytest.mark.parametrize("turn", [{}, {"roll": 0.3}, {"pitch": -0.2, "yaw": 0.4, "roll": -0.1}])
 def test_a_turned_camera_sees_turned_points_where_they_were(turn: dict[str, float]) -> None:
     camera = Camera(720, 480, 700.0, x=0.1, y=-0.2, depth=1.5, **turn)
-    points, about, angle = np.random.default_rng(0).normal(size=(6, 3)) * 0.2, np.array([0.05, 0.3]), 0.7
+    points, angle = np.random.default_rng(0).normal(size=(6, 3)) * 0.2, 0.7
     c, s = np.cos(angle), np.sin(angle)
     moved = points.copy()
-    moved[:, :2] = about + (points[:, :2] - about) @ np.array([[c, s], [-s, c]])
-    found = turned(camera, angle, about)
+    moved[:, :2] = points[:, :2] @ np.array([[c, s], [-s, c]])
+    found = turned(camera, angle)
     np.testing.assert_allclose(pixels(found, moved), pixels(camera, points), atol=1e-9)
     if not turn:
         assert (found.roll, found.pitch, found.yaw) == pytest.approx((angle, 0.0, 0.0))

@@ -63,3 +63,12 @@ def percent(share: float) -> str:
         Number and unit, two digits below ten per cent.
     """
     return f"{100 * share:.0f} %" if abs(share) >= 0.095 else f"{100 * share:.2g} %"
+
+
+def two_digits(value: float) -> str:
+    """Return a number with two digits, without an exponent.
+
+    Args:
+        value: The number.
+    """
+    return f"{float(f'{value:.2g}'):g}"

@@ -203,7 +203,7 @@ def make_plan(links: Sequence[Link], gravity: float) -> Plan:
         table.add(none)
     table.add(Entry("time_scale", "time_scale", "", 1.0, "1"))
     # gravity's direction in a picture: no part of the mechanism, but an unknown of its motion there
-    turns = (-math.pi, math.pi)
+    turns = (-2.0 * math.pi, 2.0 * math.pi)
     table.add(Entry("camera.roll", "roll", "", 0.0, "rad", bounds=turns, sign=ANY))
     return _stack(links, table, anchors, solids, joints, depths)
 
@@ -274,7 +274,7 @@ def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> 
         base = links[base].parent
     link = links[i]
     if links[base].parent < 0:
-        return {"": link.offset - links[0].offset}
+        return {"": link.offset}
     body, bounds = link.joint.body, (-reach, reach)
     name = table.add(
         Entry(f"{body}.offset", "offset", body, link.offset, "m", free=True, bounds=bounds, sign=ANY)

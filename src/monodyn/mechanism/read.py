@@ -13,6 +13,7 @@ import numpy as np
 from monodyn.choices import BUNDLED
 from monodyn.errors import MechanismError
 from monodyn.mechanism.assemble import links_of
+from monodyn.mechanism.axis import main_geom, profile
 from monodyn.mechanism.bundled import bundled
 from monodyn.mechanism.files import read_mechanism
 from monodyn.mechanism.hull import hull
@@ -131,6 +132,10 @@ class _Frame(NamedTuple):
     height: float
 
 
+WORLD = _Frame(np.zeros(2), 0.0, 0.0)
+"""The frame of the file's world."""
+
+
 class _File:
     """A compiled model while it is read, with its joints at zero."""
 
@@ -162,14 +167,18 @@ class _File:
         """Return the links in dof order and gravity in the plane [m/s^2]."""
         links: list[Link] = []
         last: dict[int, int] = {}
-        frames = {-1: _Frame(np.zeros(2), 0.0, 0.0)}
+        # Where the file puts its world means nothing: the plane begins where the first link does.
+        frames = {-1: self._frame(0, WORLD)._replace(angle=WORLD.angle)}
+        heights = {0: frames[-1].height}
         for j in range(self.model.njnt):
             body = int(self.model.jnt_bodyid[j])
+            # Bodies without a joint move with their parent: heights count from the body that has the joint.
             above = int(self.model.body_weldid[self.model.body_parentid[body]])
             # Joints of one body follow one another; the first of them hangs on the body above.
             parent = last.get(body, last.get(above, -1))
             frames[j] = self._frame(j, frames[parent])
-            links.append(self._link(j, parent, frames[parent], frames[j]))
+            heights[body] = frames[j].height
+            links.append(self._link(j, parent, frames[parent], frames[j], heights[above]))
             last[body] = j
         refuse_one_axis(links, self.where)
         self._compare(links)
@@ -182,17 +191,34 @@ class _File:
         # A body that is also tilted out of the plane has no angle in the plane; any constant one may be
         # chosen.
         angle = parent.angle if angle is None else angle
-        place = self.data.xanchor[j] if plane.hinges[j] else self.data.xpos[body]
-        return _Frame(plane.place(place)[:2], angle, float(plane.place(self.data.xpos[body])[2]))
+        return _Frame(self._origin(j), angle, float(plane.place(self.data.xpos[body])[2]))
 
-    def _link(self, j: int, parent: int, start: _Frame, frame: _Frame) -> Link:
-        """Return one joint's link, between the frame of its parent and its own."""
+    def _origin(self, j: int) -> np.ndarray:
+        """Return where a joint is in the plane [m], (2,).
+
+        A slide runs where the next joint of its body is, or the middle of its main geom: beside that line the
+        file may put the body's frame anywhere.
+        """
+        plane, body = self.plane, int(self.model.jnt_bodyid[j])
+        if plane.hinges[j]:
+            return plane.place(self.data.xanchor[j])[:2]
+        if not self._carries(j):
+            return self._origin(j + 1)
+        geoms = [geom for geom in self._geoms(body, WORLD) if geom.body == self.body_names[body]]
+        main = main_geom([profile(geom) for geom in geoms])
+        start, axis = plane.place(self.data.xpos[body])[:2], (plane.axes @ self.data.xaxis[j])[:2]
+        return start if main is None else main.centre + axis * float(axis @ (start - main.centre))
+
+    def _carries(self, j: int) -> bool:
+        """True for the last joint of a body: several become a chain of links, and the last one has geoms and
+        mass."""
+        return j + 1 == self.model.njnt or self.model.jnt_bodyid[j + 1] != self.model.jnt_bodyid[j]
+
+    def _link(self, j: int, parent: int, start: _Frame, frame: _Frame, below: float) -> Link:
+        """Return one joint's link, between the frame of its parent and its own; ``below`` is the height of
+        the body that it hangs on [m]."""
         model, plane = self.model, self.plane
-        hinge, body = bool(plane.hinges[j]), int(model.jnt_bodyid[j])
-        # Bodies without a joint move with their parent: heights count from the body that has the joint.
-        above = int(model.body_weldid[model.body_parentid[body]])
-        # Several joints of one body become a chain of links, of which the last alone has geoms and mass.
-        carries = j + 1 == model.njnt or int(model.jnt_bodyid[j + 1]) != body
+        hinge, body, carries = bool(plane.hinges[j]), int(model.jnt_bodyid[j]), self._carries(j)
         # The kernels read one column pair by kind: the sign of a hinge's turn, or a slide's direction in
         # its link.
         axis = (
@@ -200,7 +226,6 @@ class _File:
             if hinge
             else _turned(plane.axes @ self.data.xaxis[j], -frame.angle)
         )
-        below = float(plane.place(self.data.xpos[above])[2]) if above > 0 else 0.0
         limited = bool(model.jnt_limited[j])
         damper, friction, spring = self.switches
         return Link(

@@ -22,6 +22,8 @@ ROLL = "camera.roll"
 """Name of the parameter."""
 ROLL_STD = float(np.radians(3.0))
 """Standard deviation of the roll of a camera of which nothing is known [rad]."""
+QUARTERS = (0.5 * np.pi, np.pi, -0.5 * np.pi)
+"""Turns of a camera that lies on its side, or stands on its head [rad]."""
 
 
 def by_roll(mechanism: Mechanism) -> np.ndarray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, SLIDE
+from monodyn.mechanism.tree import SLIDE
 from monodyn.paper.subproblems import (
     History,
     camera_placed,
@@ -24,7 +24,7 @@ from monodyn.paper.subproblems import (
     outline_points,
 )
 from monodyn.paper.view import CAMERA_HELD, ModelView, SilhouetteImage
-from monodyn.vision.drawing.camera import DEPTH, X, Y
+from monodyn.vision.drawing.camera import DEPTH, X
 
 SETTLED_PX = 0.03
 """Camera and pose have converged, and so has a round without a gain, where the outline moves by no more [px],
@@ -229,9 +229,8 @@ def _rescaled(view: ModelView) -> ModelView:
     if view.reference not in view.searched:
         return view
     factor = view.reference.value / float(view.sizes[view.searched.index(view.reference)])
-    camera, anchor = view.base.camera.copy(), view.base.links[0, [ANCHOR_X, ANCHOR_Y]]
-    camera[X : Y + 1] = anchor + factor * (camera[X : Y + 1] - anchor)
-    camera[DEPTH] *= factor
+    camera = view.base.camera.copy()
+    camera[X : DEPTH + 1] *= factor
     position = np.where(view.base.kind == SLIDE, factor, 1.0) * view.position
     return replace(view, sizes=factor * view.sizes, position=position).before(camera)
 

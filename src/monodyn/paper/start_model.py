@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.mechanism import Mechanism
-from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y
+from monodyn.mechanism.tree import ANGLE, AXIS_X, AXIS_Y
 from monodyn.paper.placed import CameraFree
 from monodyn.paper.view import CAMERA_HELD, ModelView, model_view
 from monodyn.types import Camera
@@ -57,8 +57,7 @@ class StartModel:
             reach = longest_reach(rig_of(self.mechanism, camera))
             side = START_SHARE * min(camera.width, camera.height)
             camera = replace(camera, depth=camera.focal * reach / side)
-        x, y = (float(value) for value in self.mechanism.tree.links[0, [ANCHOR_X, ANCHOR_Y]])
-        camera = replace(camera, x=x if free.x else camera.x, y=y if free.y else camera.y)
+        camera = replace(camera, x=0.0 if free.x else camera.x, y=0.0 if free.y else camera.y)
         rest = np.zeros(len(self.mechanism.joints))
         view = model_view(self.mechanism, camera, rest, free)
         # a common scale stands for a camera that backs away from one root, and no coordinate may be pinned

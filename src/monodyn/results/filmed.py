@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y
 from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.results.folder import RunFolder
 from monodyn.results.overlay import DrawnMotion, DrawnSearch, write_overlay
@@ -76,11 +75,9 @@ def filmed_of(fit: Fit, scene: Scene | PointScene, poses: Poses, sight: Sight | 
     # the fit of free torques holds the common scale, so nothing determines how far away the camera is
     unit = np.inf if fit.torque == "free" else scale
     std = {name: value * (unit if name in LENGTHS else 1.0) for name, value in scene.camera_std.items()}
-    slope, roll = by_roll(fit.mechanism), fit.mechanism.values[ROLL]
-    if slope.any():
+    if by_roll(fit.mechanism).any():
         # the frame of the mechanism is upright: before it the camera stands turned about the hinge
-        anchor = fit.mechanism.tree.links[int(np.flatnonzero(slope)[0]), [ANCHOR_X, ANCHOR_Y]]
-        camera = turned(camera, roll - camera.roll, anchor)
+        camera = turned(camera, fit.mechanism.values[ROLL] - camera.roll)
         std |= {row.name: row.std for row in fit.parameters if row.name == ROLL and row.free}
     # without a fit the located mechanism is drawn, in the scale of its file
     mechanism = as_seen(fit.mechanism, scene.mechanism, scale) if fit.starts else scene.mechanism

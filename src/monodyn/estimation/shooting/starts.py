@@ -24,6 +24,7 @@ from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.pushed import at_best_torque
 from monodyn.estimation.shooting.scaling import starts_of_scales
 from monodyn.estimation.shooting.shoot import Route, fit_pieces
+from monodyn.mechanism.upright import QUARTERS, ROLL
 from monodyn.optimize import SearchSettings, minimize, scatter
 
 FACTORS = 2.0 ** np.arange(-4.0, 11.0)
@@ -52,8 +53,9 @@ def starts(
 ) -> Iterator[tuple[np.ndarray, Route]]:
     """Yield starts in the order in which they should be tried, with the route to go from there.
 
-    First the best match of accelerations; then the file's start at the common scale that short rollouts find,
-    with shorter pieces; then starts scattered about that one, lengths within a factor of 1.5, masses of 3.
+    First the best match of accelerations; the best with gravity from any side of the picture, if that is
+    another; then the file's start at the common scale that short rollouts find, with shorter pieces; then
+    starts scattered about that one, lengths within a factor of 1.5, masses of 3.
 
     Args:
         problem: The problem.
@@ -70,6 +72,9 @@ def starts(
     yield matched(problem, motion), route
     if count < 2:
         return
+    level, turned = (_nearest(problem, motion, sides) for sides in (1, None))
+    if not np.array_equal(level, turned):
+        yield match(problem, motion, turned), route
     short = replace(route, piece=max(SHORTEST_PIECE, route.piece // 2))
     rolled = _rolled(problem, motion, smoothed, short)
     yield rolled, short
@@ -90,9 +95,25 @@ def matched(problem: Problem, motion: SmoothMotion) -> np.ndarray:
     Returns:
         Coordinates, (param,).
     """
-    tried = _scales(problem, motion)
-    nearest = min(tried, key=lambda x: mismatch_cost(problem, x, motion))
-    return match(problem, motion, nearest)
+    return match(problem, motion, _nearest(problem, motion))
+
+
+def _nearest(problem: Problem, motion: SmoothMotion, sides: int | None = 1) -> np.ndarray:
+    """Return the start of the common scale that matches best, (param,), with gravity from so many sides of
+    the picture, None for all."""
+    tried = [turned for x in _scales(problem, motion) for turned in from_sides(problem, x)[:sides]]
+    return min(tried, key=lambda x: mismatch_cost(problem, x, motion))
+
+
+def from_sides(problem: Problem, x: np.ndarray) -> list[np.ndarray]:
+    """Return a start, then the same with gravity from each other side of the picture.
+
+    Args:
+        problem: The problem; where its unknowns lack the roll, the start stays alone.
+        x: Coordinates of the start, (param,).
+    """
+    roll = np.array([name == ROLL for name in problem.unknowns.names])
+    return [x, *(x + turn * roll for turn in QUARTERS if roll.any())]
 
 
 def _scales(problem: Problem, motion: SmoothMotion) -> list[np.ndarray]:

@@ -38,7 +38,7 @@ from monodyn.estimation.torque.friction import (
 from monodyn.estimation.torque.laws import drag_laws, middles, sprung
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.estimation.torque.withheld import withheld_errors
-from monodyn.estimation.wording import listed
+from monodyn.estimation.wording import listed, two_digits
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.tree import BRAKES
 
@@ -245,8 +245,8 @@ def _spring_named(
     ]
     other = f", and {listed(lengths)}" if lengths else ""
     return (
-        f"With a spring at {names[0].partition('.')[0]} the motion comes {times:.2g} times as close to the "
-        f"record{other}: if there is one, --free {' '.join(names)}."
+        f"With a spring at {names[0].partition('.')[0]} the motion comes {two_digits(times)} times as close "
+        f"to the record{other}: if there is one, --free {' '.join(names)}."
     )
 
 

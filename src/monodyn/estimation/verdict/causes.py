@@ -26,13 +26,13 @@ from monodyn.estimation.shooting.accelerations import SmoothMotion, mismatch_cos
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import difference_size
 from monodyn.estimation.shooting.shoot import ROUGH, Optimum, Route, multiple_shooting
-from monodyn.estimation.shooting.starts import match, matched
+from monodyn.estimation.shooting.starts import from_sides, match, matched
 from monodyn.estimation.shooting.swinging import Swing, swing_of
 from monodyn.estimation.torque.laws import AIR, QUADRATIC, drag_laws
 from monodyn.estimation.verdict.advice import weightless
 from monodyn.estimation.verdict.further import COARSE, NOISE_ALONE, further_link
 from monodyn.estimation.verdict.stretches import other_rate
-from monodyn.estimation.wording import listed
+from monodyn.estimation.wording import listed, two_digits
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.mounted import mounted
 from monodyn.mechanism.upright import ROLL, feels_roll, in_metres
@@ -167,10 +167,7 @@ def _causes(records: tuple[Poses, ...], mechanism: Mechanism) -> list[Cause]:
         return []
     x = matched(problem, motion)
     found = [
-        min(
-            (_freed(name, start, said, (problem, x), records, smoothed) for start in _starts(plain, names)),
-            key=lambda cause: cause.left,
-        )
+        _freed(name, plain.with_choices(free=names), said, (problem, x), records, smoothed)
         for name, names, said in _freedoms(plain, problem)
     ]
     if weightless(plain):
@@ -209,16 +206,6 @@ def _freedoms(mechanism: Mechanism, problem: Problem) -> list[tuple[str, list[st
     return found
 
 
-def _starts(mechanism: Mechanism, names: Sequence[str]) -> list[Mechanism]:
-    """Return a mechanism with parameters free; gravity may act from any side, for encoders have their zero
-    where a mechanism hangs, stands or lies."""
-    freed = mechanism.with_choices(free=names)
-    if ROLL not in names:
-        return [freed]
-    turns = mechanism.values[ROLL] + np.pi * np.array([0.0, 0.5, 1.0, -0.5])
-    return [freed.with_values({ROLL: float(np.angle(np.exp(1j * turn)))}) for turn in turns]
-
-
 def _freed(
     name: str,
     freed: Mechanism,
@@ -227,12 +214,15 @@ def _freed(
     records: tuple[Poses, ...],
     smoothed: tuple[Smoothed, ...],
 ) -> Cause:
-    """Match accelerations with a mechanism that has more unknowns, or weight."""
+    """Match accelerations with a mechanism that has more unknowns, or weight; gravity may act from any side,
+    for encoders have their zero where a mechanism hangs, stands or lies."""
     problem, x = near
     larger = posed(freed, problem.data)
     motion = smooth_motion(larger, smoothed)
-    x = match(larger, motion, larger.unknowns.carried(x, problem.unknowns))
-    return Cause(name, larger.mechanism_at(x), records, mismatch_cost(larger, x, motion), said)
+    sides = from_sides(larger, larger.unknowns.carried(x, problem.unknowns))
+    matches = [match(larger, motion, side) for side in sides]
+    left, x = min(((mismatch_cost(larger, x, motion), x) for x in matches), key=lambda pair: pair[0])
+    return Cause(name, larger.mechanism_at(x), records, left, said)
 
 
 def _based(
@@ -310,7 +300,7 @@ def dragged(law: str, names: Sequence[str], times: float) -> str:
     """
     what = "the drag of the air on its links" if law == AIR else "quadratic drag at its joints"
     return (
-        f"With {what} the motion comes {times:.2g} times as close to the record: "
+        f"With {what} the motion comes {two_digits(times)} times as close to the record: "
         f"--free {' '.join(names)} estimates it."
     )
 
@@ -323,7 +313,7 @@ def weighing(_: Problem, __: Optimum, times: float) -> str:
     """
     return (
         f"With weight, gravity of {STANDARD_GRAVITY:.3g} m/s^2 in the plane of motion, the motion comes "
-        f"{times:.2g} times as close to the record."
+        f"{two_digits(times)} times as close to the record."
     )
 
 
@@ -335,9 +325,10 @@ def tilted(roll: float, times: float) -> str:
         times: How many times as close to the record the motion comes with it.
     """
     return (
-        f"With gravity {abs(np.degrees(roll)):.2g} deg from straight down where the angles are measured the "
-        f"motion comes {times:.2g} times as close to the record: a camera is out of level by that much, or "
-        "the zero of an encoder is; --free camera.roll estimates it, --fix camera.roll=VALUE [rad] gives it."
+        f"With gravity {two_digits(abs(np.degrees(roll)))} deg from straight down where the angles are "
+        f"measured the motion comes {two_digits(times)} times as close to the record: a camera is out of "
+        "level by that much, or the zero of an encoder is; --free camera.roll estimates it, "
+        "--fix camera.roll=VALUE [rad] gives it."
     )
 
 
@@ -351,6 +342,6 @@ def swung(reach: float, rate: float, times: float) -> str:
     """
     return (
         f"On a base that swings to the right and back, over {1e3 * reach:.2g} mm at "
-        f"{rate / (2.0 * np.pi):.2g} Hz, the motion comes {times:.2g} times as close to the record: what "
-        "holds the mechanism moves. Fasten it, or give the file a body on a slide with a spring for it."
+        f"{rate / (2.0 * np.pi):.2g} Hz, the motion comes {two_digits(times)} times as close to the record: "
+        "what holds the mechanism moves. Fasten it, or give the file a body on a slide with a spring for it."
     )

@@ -16,6 +16,7 @@ from monodyn.estimation.shooting.scaling import starts_of_scales
 from monodyn.estimation.shooting.search import difference_size
 from monodyn.estimation.shooting.shoot import ROUGH, Route
 from monodyn.estimation.shooting.starts import FACTORS
+from monodyn.estimation.wording import two_digits
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.mounted import hung
 from monodyn.types import Poses
@@ -60,12 +61,10 @@ class Further:
         Args:
             times: How many times as close to the record the motion comes with it.
         """
-        # two digits, without an exponent
-        times = float(f"{times:.2g}")
         return (
             f"With {self.name}, about {1e3 * self.length:.3g} mm long and {self.heavier:.2g} times as heavy "
-            f"as {self.last}, the motion comes {times:g} times as close to the record, to within its noise: "
-            "more hangs there than the file has. Take a mechanism with a body and a joint more."
+            f"as {self.last}, the motion comes {two_digits(times)} times as close to the record, to within "
+            "its noise: more hangs there than the file has. Take a mechanism with a body and a joint more."
         )
 
 

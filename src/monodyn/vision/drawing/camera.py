@@ -82,19 +82,18 @@ def rotation(camera: Camera) -> np.ndarray:
     )
 
 
-def turned(camera: Camera, angle: float, about: np.ndarray) -> Camera:
+def turned(camera: Camera, angle: float) -> Camera:
     """Return the same camera in a plane frame that is turned, so that the picture stays as it is.
 
     Args:
         camera: The camera.
         angle: Turn of what the mechanism's frame calls a direction, counter-clockwise [rad].
-        about: Point that keeps its place in the frame [m], (2,).
 
     Returns:
-        The camera before points that are turned by ``angle`` about ``about``.
+        The camera before points that are turned by ``angle`` about the origin.
     """
     c, s = np.cos(angle), np.sin(angle)
-    x, y = about + np.array([[c, -s], [s, c]]) @ (np.array([camera.x, camera.y]) - about)
+    x, y = c * camera.x - s * camera.y, s * camera.x + c * camera.y
     # R_camera_turned = R_camera_plane R_plane_turned, and its angles from the order roll, pitch, yaw
     whole = rotation(camera) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     whole = whole @ np.diag([1.0, -1.0, -1.0])

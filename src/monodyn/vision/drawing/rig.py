@@ -9,7 +9,7 @@ from numba import njit
 
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.parts import PLACE_KINDS
-from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, AXIS_X, AXIS_Y, SLIDE
+from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y, ANGLE, AXIS_X, AXIS_Y, SLIDE
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import X, Y, camera_array, shrunk
 
@@ -192,6 +192,7 @@ def root_slides(mechanism: Mechanism) -> list[RootSlide]:
     slides = []
     for i, parent in enumerate(mechanism.tree.parent):
         if parent < 0 and mechanism.tree.kind[i] == SLIDE:
-            along = np.abs(mechanism.tree.links[i, [AXIS_X, AXIS_Y]])
-            slides.append(RootSlide(i, X if along[0] >= along[1] else Y))
+            link = mechanism.tree.links[i]
+            angle = np.arctan2(link[AXIS_Y], link[AXIS_X]) + link[ANGLE]
+            slides.append(RootSlide(i, X if abs(np.cos(angle)) >= abs(np.sin(angle)) else Y))
     return slides

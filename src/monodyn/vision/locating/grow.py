@@ -17,7 +17,6 @@ import numpy as np
 from monodyn.cores import on_all_cores
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.parts import PLACE_KINDS, Parameter
-from monodyn.mechanism.tree import ANCHOR_X, ANCHOR_Y
 from monodyn.types import FULL, Camera
 from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.rig import SIZE_KINDS, Rig, longest_reach, rig_of
@@ -231,20 +230,20 @@ def _seeds(start: SceneStart, number: int, root: Root, widths: list[float]) -> I
         if not (at_once and held):
             free = [p for p in drawn(mechanism) if p.name not in start.pinned]
             tried = tried.with_values({p.name: p.value * factor for p in free})
-        yield Structure(tried, _before(start, tried, root), number, (step,), scale, (), (), ())
+        yield Structure(tried, _before(start, root), number, (step,), scale, (), (), ())
         if at_once and held:
             break
 
 
-def _before(start: SceneStart, mechanism: Mechanism, root: Root) -> Camera:
-    """Return the camera that sees the first joint of a mechanism at a root."""
-    camera, anchor = start.camera, mechanism.tree.links[0]
+def _before(start: SceneStart, root: Root) -> Camera:
+    """Return the camera that sees the first joint, the origin of the plane, at a root."""
+    camera = start.camera
     centre = (camera.width - 1) / 2.0, (camera.height - 1) / 2.0
     per_px = camera.depth / camera.focal
     if "camera.x" not in start.pinned and np.isfinite(root.x):
-        camera = replace(camera, x=float(anchor[ANCHOR_X] - (root.x - centre[0]) * per_px))
+        camera = replace(camera, x=(centre[0] - root.x) * per_px)
     if "camera.y" not in start.pinned and np.isfinite(root.y):
-        camera = replace(camera, y=float(anchor[ANCHOR_Y] + (root.y - centre[1]) * per_px))
+        camera = replace(camera, y=(root.y - centre[1]) * per_px)
     return camera
 
 

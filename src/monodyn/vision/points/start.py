@@ -184,9 +184,8 @@ def _sized(sought: SoughtPoints, scale: np.ndarray, root: np.ndarray) -> tuple[M
     depth = camera.depth if "camera.depth" in sought.fix else 1.0 / usual
     sizes = {name: file.values[name] * scale[i] * depth for i, name in known.items() if name not in pinned}
     mechanism = file.with_values(sizes)
-    first = file.tree.links[0, :2]
     slides = {column for _, column in root_slides(file)}
-    x, y = first - root * depth
+    x, y = -root * depth
     values = {"camera.depth": depth, "camera.x": float(x), "camera.y": float(y)}
     if slides:
         held_name = {"camera.x" if column == X else "camera.y" for column in slides}
