@@ -49,7 +49,7 @@ from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.redrawn import redrawn
 from monodyn.results.filmed import filmed_of
-from monodyn.results.findings import Findings, fit_document
+from monodyn.results.findings import NO_PICTURE, Findings, fit_document
 from monodyn.results.folder import RunFolder
 from monodyn.results.heldout import heldout_doubts, predicted_trace
 from monodyn.results.log import RunLog, recorded
@@ -312,9 +312,9 @@ def identify_tables(
             log.notes += nearest(fit, comparison)
         log.notes += known_before(model, fit)
         records, mechanism, traces = best.records, best.mechanism, []
-        log.notes += [
-            note for record, name in zip(records, names, strict=True) for note in held_note(record, name)
-        ]
+        for record, name in zip(records, names, strict=True):
+            log.notes += held_note(record, name)
+        log.notes.append(NO_PICTURE)
         if fit.starts:
             for i, record in enumerate(records):
                 traces += predicted_trace(fit, record, times[i], names[i], record=i)
