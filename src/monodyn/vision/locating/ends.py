@@ -127,4 +127,4 @@ def _spread(bundle: Bundle, other: Bundle) -> dict[str, float]:
         for one in (bundle, other)
     )
     # of two values that are as likely either one is off by their distance half of the time
-    return {name: (there[name] - value) / np.sqrt(2.0) for name, value in here.items() if name in there}
+    return {name: (there[name] - value) * 0.5**0.5 for name, value in here.items() if name in there}
