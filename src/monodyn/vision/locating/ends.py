@@ -103,7 +103,7 @@ def seen_ends(
         gain = fall(second, first) - max(fall(refined(best, reaching), first), 0.0)
         best, ends = (second, ends | other) if gain > CLEAR**2 else (first, file)
         if abs(gain) < CLEAR**2 and len(some) == 1:
-            alternatives.append(_change(first, second))
+            alternatives.append(_spread(first, second))
     return replace(best, alternatives=tuple(alternatives)), ends
 
 
@@ -120,10 +120,11 @@ def round_share(mechanism: Mechanism, body: str) -> float:
     return min(cap / whole, 0.5)
 
 
-def _change(bundle: Bundle, other: Bundle) -> dict[str, float]:
-    """Return by how much the refined variables are others in another refinement, by name."""
+def _spread(bundle: Bundle, other: Bundle) -> dict[str, float]:
+    """Return standard deviations of the variables, by name, where another refinement is as likely."""
     here, there = (
         dict(zip(one.variables.names, one.variables.read(one.mechanism, one.camera).tolist(), strict=True))
         for one in (bundle, other)
     )
-    return {name: there[name] - value for name, value in here.items() if name in there}
+    # of two values that are as likely either one is off by their distance half of the time
+    return {name: (there[name] - value) * 0.5**0.5 for name, value in here.items() if name in there}

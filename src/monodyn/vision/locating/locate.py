@@ -16,9 +16,7 @@ from monodyn.cores import on_all_cores
 from monodyn.vision.drawing.camera import PARAMETERS, with_values
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.outline import covered_pixels
-from monodyn.vision.drawing.rig import (
-    SIZE_KINDS,
-)
+from monodyn.vision.drawing.rig import SIZE_KINDS
 from monodyn.vision.drawing.shutter import Shutter
 from monodyn.vision.foreground.masks import GeomColours, Masks
 from monodyn.vision.locating.advice import scene_advice, twin_advice
