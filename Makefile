@@ -9,7 +9,7 @@ PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 # the matrices are small: more threads only wait for each other
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test check lowest highest fmt lint types docs bench fuzz clean
+.PHONY: demo test check lowest highest fmt lint types docs pictures bench fuzz clean
 
 $(READY): pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11")'
@@ -54,6 +54,9 @@ types: $(READY)
 
 docs: $(READY)  ## check that the documentation says what the code does
 	$(BIN)/python -m pytest tests/test_docs.py tests/test_architecture.py tests/test_messages.py
+
+pictures: $(READY)  ## the pictures of the README, from a run of the bundled clip; needs chromium
+	$(BIN)/python examples/make_pictures.py
 
 bench: $(READY)  ## accuracy and growth (need MONODYN_DATA), speed, next to mujoco.sysid too, and streams: ten minutes
 	@if test -n "$$MONODYN_DATA"; then $(BIN)/python benchmarks/accuracy.py && $(BIN)/python benchmarks/published.py \
