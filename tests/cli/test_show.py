@@ -143,6 +143,25 @@ def test_progress_is_a_few_lines_where_there_is_no_terminal(monkeypatch: pytest.
         assert nothing is None
 
 
+def test_what_is_heard_of_nothing_yet_is_told_of_with_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Imports and what is compiled before the first step; no step that was over at once has a line."""
+    clock = iter(range(0, 1000, 6))
+    monkeypatch.setattr(shown.time, "perf_counter", lambda: float(next(clock)))
+    monkeypatch.setattr(shown, "IN_COMPILER", ["planar"])
+    stream = io.StringIO()
+    lines = shown._ProgressLines(stream)
+    lines.close()
+    with lines._turn:
+        lines._print_if_due(12.0)
+    lines("background", 0, 210)
+    lines("track", 210, 210)
+    lines.end()
+    assert stream.getvalue().splitlines() == [
+        "starting, 12 s, compiling",
+        "track: 210 of 210, 35/s, compiling",
+    ]
+
+
 def test_a_step_that_is_not_heard_of_is_told_of_all_the_same() -> None:
     stream, told = io.StringIO(), threading.Event()
     lines = shown._ProgressLines(stream, every=0.02)

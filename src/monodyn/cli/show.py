@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from monodyn.cli.compiled import IN_COMPILER
 from monodyn.types import Progress
 
 if TYPE_CHECKING:
@@ -77,10 +78,17 @@ def _bars(stream: TextIO, width: int) -> Iterator[Progress]:
         BarColumn,
         MofNCompleteColumn,
         Progress,
+        ProgressColumn,
         SpinnerColumn,
         TextColumn,
         TimeRemainingColumn,
     )
+    from rich.text import Text
+
+    class Pace(ProgressColumn):
+        def render(self, task: Any) -> Text:
+            pace = task.fields["speed"] if task.finished or not IN_COMPILER else "compiling"
+            return Text(f"{pace:>9}")
 
     columns = (
         # it turns while a step takes long
@@ -88,15 +96,18 @@ def _bars(stream: TextIO, width: int) -> Iterator[Progress]:
         TextColumn("{task.description:<12}"),
         BarColumn(bar_width=max(1, min(32, width - BESIDE))),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[speed]:>9}"),
+        Pace(),
         TimeRemainingColumn(compact=True),
     )
     begun: dict[str, tuple[Any, float]] = {}
     with Progress(
         *columns, console=Console(file=stream, stderr=True, width=width), refresh_per_second=8
     ) as bars:
+        # until something else is heard of
+        first = bars.add_task("starting", total=None, speed="")
 
         def progress(step: str, done: int, total: int | None) -> None:
+            bars.update(first, visible=False)
             if step not in begun:
                 begun[step] = (bars.add_task(step, total=total, speed=""), time.perf_counter())
             task, start = begun[step]
@@ -118,7 +129,7 @@ class _ProgressLines:
 
     def __init__(self, stream: TextIO, every: float = 10.0) -> None:
         self.stream, self.every = stream, every
-        self.step, self.done, self.total = "", 0, None
+        self.step, self.done, self.total = "starting", 0, None
         self.begun = self.printed = time.perf_counter()
         self._turn, self._closed = threading.Lock(), threading.Event()
         threading.Thread(target=self._watch, name="progress", daemon=True).start()
@@ -153,7 +164,8 @@ class _ProgressLines:
             self._print_line(now)
 
     def _end(self, now: float) -> None:
-        if self.step:
+        # nothing is said of a step that was over at once
+        if self.step and self.done:
             self._print_line(now)
         self.step = ""
 
@@ -162,9 +174,10 @@ class _ProgressLines:
         share = f"{self.done}" if self.total is None else f"{self.done} of {self.total}"
         spent = now - self.begun
         parts = [
-            f"{self.step}: {share}",
+            f"{self.step}: {share}" if self.done else self.step,
             _speed(self.done, spent),
             f"{spent:.0f} s" if spent > self.every else "",
+            "compiling" if IN_COMPILER else "",
         ]
         print(", ".join(part for part in parts if part), file=self.stream, flush=True)
 
