@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -278,6 +279,21 @@ def _print_fit(outcome: Outcome) -> None:
 
     out = console()
     document, fit = outcome.document, outcome.fit
+    # the status of an approximate fit says so itself
+    grade = "" if document["grade"] == "approximate" else f"{document['grade'].capitalize()}. "
+    out.print(f"{grade}{document['status']}", style=STYLES[document["grade"]], markup=False)
+    if document["summary"]:
+        out.print(document["summary"], markup=False)
+    if document["horizon"]:
+        count = len(document["horizon"])
+        # null is beyond all that was looked at
+        shortest = min(document["horizon"], key=lambda row: known_or(row["seconds"], math.inf))
+        which = f"Of {count} records the shortest: " if count > 1 else ""
+        out.print(f"{which}{shortest['said']}", markup=False)
+    # what all results rest on stands in the report
+    for sentence in document["advice"]:
+        if sentence not in document["premises"]:
+            out.print(f"- {sentence}", markup=False)
     _print_comparison(out, document["comparison"])
     if document["tried_torques"]:
         out.print("What acts at the joints, the likeliest first:")
@@ -288,22 +304,24 @@ def _print_fit(outcome: Outcome) -> None:
     names = set() if fit is None else {row.name for row in listed_rows(fit)}
     if names:
         out.print(_parameters([row for row in document["parameters"] if row["name"] in names]))
+        _print_meanings(out, "parameters", names)
     if document["combinations"]:
         out.print(_combinations(document["combinations"]))
+        _print_meanings(out, "symbols", {row["name"] for row in document["combinations"]})
     out.print(_errors(outcome))
-    # the status of an approximate fit says so itself
-    grade = "" if document["grade"] == "approximate" else f"{document['grade'].capitalize()}. "
-    out.print(f"{grade}{document['status']}", style=STYLES[document["grade"]], markup=False)
-    if document["horizon"]:
-        count = len(document["horizon"])
-        # null is beyond all that was looked at
-        shortest = min(document["horizon"], key=lambda row: known_or(row["seconds"], math.inf))
-        which = f"Of {count} records the shortest: " if count > 1 else ""
-        out.print(f"{which}{shortest['said']}", markup=False)
-    for sentence in document["advice"]:
-        out.print(f"- {sentence}", markup=False)
     if outcome.folder is not None:
         out.print(f"report: {outcome.folder}/report.html", markup=False)
+
+
+def _print_meanings(out: Any, what: str, names: Collection[str]) -> None:
+    """Print what the last words of names mean, each once."""
+    from monodyn.cli.pages import two_columns
+    from monodyn.results.summary import meanings
+
+    ends = {word.rpartition(".")[2] for name in names for word in re.split(r"[ ^]", name)}
+    rows = [(word, said) for word, said in meanings()[what].items() if word in ends]
+    for line in two_columns(rows, 13):
+        out.print(line, markup=False)
 
 
 def plain_table(*columns: str, left: int = 1) -> Table:
