@@ -21,7 +21,8 @@ def embedded(film: Path, most: int) -> tuple[bytes, float | None]:
         most: How many bytes there is room for.
 
     Returns:
-        The film; and how long it is [s] where its end is left out, else None.
+        The film, nothing where there is room for no picture; and how long it is [s] where its end is left
+        out, else None.
     """
     if film.stat().st_size <= most:
         return film.read_bytes(), None
@@ -43,4 +44,5 @@ def embedded(film: Path, most: int) -> tuple[bytes, float | None]:
                 shown = float(picture.time - (pictures.start_time or 0) * pictures.time_base)
                 break
             target.mux(packets)
-    return made.getvalue(), shown
+    # without a picture there is no film
+    return (made.getvalue(), shown) if shown != 0.0 else (b"", None)

@@ -38,10 +38,10 @@ def summary(fit: Fit) -> str:
     known = _known(fit)
     said = _lengths(fit.mechanism, known)
     for what, rows in frictions(fit).items():
-        values = [f"{_value(row)} {row.unit} at {joint}" for joint, row in rows]
+        values = [f"{_value(row)} at {joint}" for joint, row in rows]
         said += f"; {what} {listed(values, 12)}"
     period = known.get("torque.period")
-    said += f"; a torque repeats every {_value(period)} s" if period is not None else ""
+    said += f"; a torque repeats every {_value(period)}" if period is not None else ""
     return f"{said[0].upper()}{said[1:]} (95 %)."
 
 
@@ -95,4 +95,4 @@ def _length(row: Estimate | Combination) -> str:
 
 
 def _value(row: Estimate | Combination) -> str:
-    return plus_minus(row.value, 0.5 * (row.upper - row.lower))
+    return f"{plus_minus(row.value, 0.5 * (row.upper - row.lower))} {row.unit}".rstrip()
