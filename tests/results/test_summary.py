@@ -68,7 +68,7 @@ def test_slides_unknown_lengths_and_masses_that_are_known() -> None:
     given = replace(length("link1.length", 0.3, 0.1), std=0.0, lower=0.3, upper=0.3, free=False)
     cart = made_fit(mechanism=load("cartpole"), parameters=(given,), combinations=(ratio,))
     assert summary(cart) == (
-        "One slide and one link, 30 cm; damping over mass 0.143 ± 0.003 1/s at slide (95 %)."
+        "One slide and one link, 30 cm; damping over mass 0.1431 ± 0.0030 1/s at slide (95 %)."
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
 SIDE = 640
 """Longest side of a picture of a reduced film [px]."""
@@ -28,20 +29,21 @@ def embedded(film: Path, most: int) -> tuple[bytes, float | None]:
         return film.read_bytes(), None
     import av
 
-    made, size, shown = io.BytesIO(), BESIDES, None
+    made, size, shown, begin = io.BytesIO(), BESIDES, None, None
     with av.open(str(film)) as source, av.open(made, "w", format="mp4") as target:
-        pictures = source.streams.video[0]
+        pictures: Any = source.streams.video[0]
         share = min(1.0, SIDE / max(pictures.width, pictures.height))
         # H.264 takes even sizes
         width, height = (2 * max(1, round(0.5 * share * side)) for side in (pictures.width, pictures.height))
-        stream = target.add_stream("libx264", rate=pictures.average_rate, options=QUALITY)
+        stream: Any = target.add_stream("libx264", rate=pictures.average_rate, options=QUALITY)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.codec_context.time_base = pictures.time_base
-        for picture in source.decode(video=0):
+        for picture in source.decode(pictures):
+            begin = picture.time if begin is None else begin
             packets = stream.encode(picture.reformat(width, height))
             size += PER_PICTURE + sum(packet.size for packet in packets)
             if size > most:
-                shown = float(picture.time - (pictures.start_time or 0) * pictures.time_base)
+                shown = picture.time - begin
                 break
             target.mux(packets)
     # without a picture there is no film
