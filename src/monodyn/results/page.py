@@ -20,9 +20,9 @@ from monodyn.mechanism.tree import BRAKES
 from monodyn.numbers import number, short, shown_in
 from monodyn.results.curves import camera_curves, motion_curves, torque_curves
 from monodyn.results.embedded import embedded
-from monodyn.results.findings import REFUSED, Findings, frames_of, listed_rows, openness
+from monodyn.results.findings import REFUSED, Findings, listed_rows, openness
 from monodyn.results.gaps import how_filled
-from monodyn.results.horizon import Horizon, allowed, horizon_said, lasts
+from monodyn.results.horizon import Horizon, horizon_said
 from monodyn.results.next_steps import Step, next_steps
 from monodyn.results.summary import frictions, meanings, summary
 
@@ -223,19 +223,10 @@ def _facts(findings: Findings) -> list[dict[str, str]]:
             facts.append(
                 {"value": f"{known.frames}", "label": f"frames filled, within {_errors(joints, band)} (95 %)"}
             )
-    if len(traces) == 1:
-        first, stop = frames_of(traces[0])
-        facts.append({"value": f"{first} to {stop - 1}", "label": "frames used for the fit"})
-        joints = fit.mechanism.joints
-        facts.append({"value": _errors(joints, fit.rms), "label": "fit error, rms by joint"})
-        heldout = traces[0].heldout()
-        if any(value is not None for value in heldout.values()):
-            facts.append({"value": _errors(joints, heldout), "label": "prediction error, rms by joint"})
-        if findings.horizons:
-            within = allowed(fit.mechanism, findings.tolerance)
-            facts.append({"value": lasts(findings.horizons[0]), "label": f"prediction within {within}"})
-    if findings.log is not None:
-        facts.append({"value": f"{sum(findings.log.seconds.values()):.1f} s", "label": "computing time"})
+    heldout = traces[0].heldout() if len(traces) == 1 else {}
+    if any(value is not None for value in heldout.values()):
+        said = _errors(fit.mechanism.joints, heldout)
+        facts.append({"value": said, "label": "prediction error, rms by joint"})
     return facts
 
 
