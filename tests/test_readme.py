@@ -34,6 +34,42 @@ def folder_of(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(path)
 
 
+def same(line: str, other: str) -> bool:
+    """Return whether two lines have the same words, and the same numbers but for another machine's rounding."""
+    one, two = line.split(), other.split()
+    number = re.compile(r"[\d.]+")
+    return len(one) == len(two) and all(
+        a == b
+        or (
+            bool(number.fullmatch(a) and number.fullmatch(b))
+            and float(a) == pytest.approx(float(b), rel=0.02)
+        )
+        for a, b in zip(one, two, strict=True)
+    )
+
+
+@pytest.mark.slow
+def test_the_demo_prints_what_the_readme_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    printed = iter(command("demo", "--out", "demo-run").out.splitlines())
+    (block,) = blocks(README, "text")
+    # three dots stand for lines that are left out, and each line is looked for after the one before
+    for line in block.splitlines():
+        assert line == " ..." or any(same(line, other) for other in printed), line
+
+
+def test_the_mechanism_of_the_readme_stands_away_from_the_origin(tmp_path: Path) -> None:
+    (text,) = blocks(README, "xml")
+    (tmp_path / "double.xml").write_text(text)
+    mechanism = monodyn.load(tmp_path / "double.xml")
+    assert [(joint.name, joint.kind, joint.body) for joint in mechanism.joints] == [
+        ("shoulder", "hinge", "upper"),
+        ("elbow", "hinge", "lower"),
+    ]
+    assert 'pos="0 0 1"' in text
+    assert len(text.splitlines()) <= 15
+
+
 def column(path: Path, name: str) -> np.ndarray:
     table: Any = np.genfromtxt(path, delimiter=",", names=True)
     return table[name]

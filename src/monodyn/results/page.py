@@ -118,14 +118,16 @@ def page_text(
         return page
     # text of others cannot have the mark: it is escaped
     head, rest = page.split(FILM)
-    return f"{head}{_film(*film, LARGEST - len((head + rest).encode()))}{rest}"
+    return f"{head}{_film(*film, fit.grade, LARGEST - len((head + rest).encode()))}{rest}"
 
 
-def _film(path: Path, poster: bytes, room: int) -> str:
+def _film(path: Path, poster: bytes, grade: str, room: int) -> str:
     """Return the film as a part of the page, of at most so many letters."""
     still = _text_of(poster)
     data, shown = embedded(path, max(0, (room - len(still) - AROUND) // 4 * 3))
-    return template(REPORT[0], "film.html.j2").render(data=_text_of(data), poster=still, shown=shown)
+    return template(REPORT[0], "film.html.j2").render(
+        data=_text_of(data), poster=still, grade=grade, shown=shown
+    )
 
 
 def _text_of(data: bytes) -> str:
