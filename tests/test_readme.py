@@ -35,7 +35,7 @@ def folder_of(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def same(line: str, other: str) -> bool:
-    """Return whether two lines have the same words, and the same numbers but for another machine's rounding."""
+    """Return whether two lines have the same words, and numbers as another machine rounds them."""
     one, two = line.split(), other.split()
     number = re.compile(r"[\d.]+")
     return len(one) == len(two) and all(
