@@ -18,7 +18,7 @@ import numpy as np
 
 from monodyn.mechanism.tree import BRAKES
 from monodyn.numbers import number, short, shown_in
-from monodyn.results.curves import camera_curves, motion_curves, torque_curves
+from monodyn.results.curves import MOST, camera_curves, motion_curves, torque_curves
 from monodyn.results.embedded import embedded
 from monodyn.results.findings import REFUSED, Findings, listed_rows, openness
 from monodyn.results.gaps import how_filled
@@ -93,6 +93,7 @@ def page_text(
         camera=camera,
         # free torques contain the friction that the mechanism has no parameters for
         any_filled=any(plot["filled"] and plot["filled"]["time"] for plot in plots),
+        thinned=MOST if any(len(trace.poses) > MOST for trace in traces) else 0,
         motion_band=any(np.isfinite(t.states.std).any() for t in traces),
         torque_band=any(t.torques is not None and np.isfinite(t.torques.std).any() for t in traces),
         with_friction=not any(row.value for row in fit.mechanism.parameters if row.kind in BRAKES),
