@@ -21,7 +21,7 @@ def poses(seen: int, count: int) -> Poses:
 
 
 def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
-    sight = SimpleNamespace(mismatch=0.12, scene=None, points=None)
+    sight = SimpleNamespace(unshown=[], mismatch=0.12, scene=None, points=None)
     assert doubtful_sight(sight, poses(25, 100)) is None  # type: ignore[arg-type]
     assert doubtful_sight(sight, poses(24, 100)) == (  # type: ignore[arg-type]
         "Only 24 of the 100 frames to fit were tracked: too few to trust that the mechanism was followed and "
@@ -30,10 +30,13 @@ def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
     )
     video = SimpleNamespace(repeats=SimpleNamespace(frames=tuple(range(50, 60))), bare=False)
     repeated = SimpleNamespace(
-        mismatch=0.12, scene=SimpleNamespace(masks=SimpleNamespace(video=video), beside={}), points=None
+        unshown=[],
+        mismatch=0.12,
+        scene=SimpleNamespace(masks=SimpleNamespace(video=video), beside={}),
+        points=None,
     )
     assert doubtful_sight(repeated, poses(24, 100)) is None  # type: ignore[arg-type]
-    sight = SimpleNamespace(mismatch=0.83, beyond=0.4, scene=None, points=None)
+    sight = SimpleNamespace(unshown=[], mismatch=0.83, beyond=0.4, scene=None, points=None)
     assert doubtful_sight(sight, poses(100, 100)) == (  # type: ignore[arg-type]
         "The mechanism as it was located differs from what stands out from the background by 83% of its "
         "area; most of that is of the mechanism, where nothing stands out. It may have a link or a part that "
@@ -41,11 +44,13 @@ def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
         "was seen: check the mechanism file; --roi X,Y,W,H and --time-range A:B leave other things out."
     )
     assert (
-        doubtful_sight(SimpleNamespace(mismatch=float("nan"), scene=None, points=None), poses(9, 9))  # type: ignore[arg-type]
+        doubtful_sight(
+            SimpleNamespace(unshown=[], mismatch=float("nan"), scene=None, points=None), poses(9, 9)
+        )  # type: ignore[arg-type]
         is None
     )
     # a mechanism that is lost in half of the frames has to lie twice as well in the others
-    sight = SimpleNamespace(mismatch=0.45, beyond=0.3, scene=None, points=None)
+    sight = SimpleNamespace(unshown=[], mismatch=0.45, beyond=0.3, scene=None, points=None)
     assert doubtful_sight(sight, poses(91, 100)) is None  # type: ignore[arg-type]
     assert doubtful_sight(sight, poses(89, 100)) == (  # type: ignore[arg-type]
         "The mechanism as it was located differs from what stands out from the background by 45% of its "
@@ -55,7 +60,7 @@ def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
         "file; --roi X,Y,W,H and --time-range A:B leave other things out."
     )
     scene = SimpleNamespace(masks=SimpleNamespace(video=video), beside={"link1": 0.02, "link2": 0.12})
-    sight = SimpleNamespace(mismatch=0.2, scene=scene, points=None)
+    sight = SimpleNamespace(unshown=[], mismatch=0.2, scene=scene, points=None)
     assert doubtful_sight(sight, poses(100, 100)) == (  # type: ignore[arg-type]
         "Something moves along with 'link2' outside of its outline, 12% of what stands out from the "
         "background: the mechanism file has no geom for it, or a geom was found in another place, and masses "
@@ -70,7 +75,7 @@ def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
 def test_a_mechanism_that_sways_before_a_bare_wall_is_doubted() -> None:
     video = SimpleNamespace(repeats=SimpleNamespace(frames=()), bare=True)
     scene = SimpleNamespace(masks=SimpleNamespace(video=video), beside={})
-    sight = SimpleNamespace(mismatch=0.2, scene=scene, points=None, sway_px=12.34)
+    sight = SimpleNamespace(unshown=[], mismatch=0.2, scene=scene, points=None, sway_px=12.34)
     assert doubtful_sight(sight, poses(100, 100)) == (  # type: ignore[arg-type]
         "The whole mechanism sways by 12.3 px in the picture, and the background shows too little to follow "
         "the camera by: put the camera on a tripod, or film before a background with edges and patterns over "
@@ -82,8 +87,23 @@ def test_a_mechanism_that_sways_before_a_bare_wall_is_doubted() -> None:
     assert doubtful_sight(sight, poses(100, 100)) is None  # type: ignore[arg-type]
 
 
+def test_a_body_that_the_picture_does_not_show_is_not_estimated() -> None:
+    video = SimpleNamespace(repeats=SimpleNamespace(frames=()), bare=False)
+    scene = SimpleNamespace(masks=SimpleNamespace(video=video), beside={}, mechanism=load("cartpole"))
+    sight = SimpleNamespace(unshown=["cart"], mismatch=0.04, scene=scene, points=None)
+    assert doubtful_sight(sight, poses(100, 100)) == (  # type: ignore[arg-type]
+        "The picture shows nothing of 'cart': where it was looked for it lies outside of the picture, behind "
+        "the rest of the mechanism, or where nothing stands out from the background, so that nothing of it "
+        "can be estimated. Take a mechanism without it, or, where it is there, give its sizes with --fix; "
+        "diagnosis.png shows where it was looked for."
+    )
+    # who gives its size says that it is there
+    scene.mechanism = load("cartpole").with_choices(fix={"cart.length": 0.1})
+    assert doubtful_sight(sight, poses(100, 100)) is None  # type: ignore[arg-type]
+
+
 def test_the_picture_explains_what_the_motion_does_not() -> None:
-    sight = SimpleNamespace(mismatch=0.4, beyond=0.35, points=None)
+    sight = SimpleNamespace(unshown=[], mismatch=0.4, beyond=0.35, points=None)
     assert likely_sight(sight) == (  # type: ignore[arg-type]
         "The mechanism as it was located differs from what stands out from the background by 40% of its "
         "area; most of that is outside of the mechanism. The clip may show a link or a part more than it "
@@ -91,7 +111,7 @@ def test_the_picture_explains_what_the_motion_does_not() -> None:
         "its motion. diagnosis.png shows what was seen: check the mechanism file; --roi X,Y,W,H and "
         "--time-range A:B leave other things out."
     )
-    assert likely_sight(SimpleNamespace(mismatch=0.3, beyond=0.3, points=None)) is None  # type: ignore[arg-type]
+    assert likely_sight(SimpleNamespace(unshown=[], mismatch=0.3, beyond=0.3, points=None)) is None  # type: ignore[arg-type]
 
 
 def test_a_link_that_is_never_found_is_named() -> None:
@@ -101,7 +121,7 @@ def test_a_link_that_is_never_found_is_named() -> None:
         ("joint1", "joint2"), whole.frame, whole.time, np.zeros((100, 2)), np.tile(np.eye(2), (100, 1, 1)),
         np.arange(100) < 4, joint_seen=shown,
     )  # fmt: skip
-    sight = SimpleNamespace(mismatch=0.1, beyond=0.1, scene=None, points=None)
+    sight = SimpleNamespace(unshown=[], mismatch=0.1, beyond=0.1, scene=None, points=None)
     assert doubtful_sight(sight, part) == (  # type: ignore[arg-type]
         "joint2 could be measured in at most 4 of the 100 frames in which another joint was: what it moves "
         "does not lie on anything that stands out from the background. The clip may show a mechanism without "

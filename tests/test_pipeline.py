@@ -106,6 +106,10 @@ def test_a_run_records_every_setting_of_every_stage(table: Path, tmp_path: Path)
 def test_a_report_in_python_is_the_report_of_a_run(table: Path, tmp_path: Path) -> None:
     outcome = identify_tables([table], "single", tmp_path / "run")
     assert outcome.fit is not None
+    assert outcome.document["advice"][-1] == (
+        "No picture was seen: the grade says how well the mechanism explains the table, not whether the "
+        "table has the joints of this mechanism."
+    )
     monodyn.report(outcome.fit, to=tmp_path / "report", poses=outcome.poses)
     for name in ("fit.json", "states.csv", "prediction.csv", "model.xml", "model.urdf"):
         assert (tmp_path / "report" / name).read_bytes() == (tmp_path / "run" / name).read_bytes()

@@ -67,7 +67,7 @@ def test_frames_after_the_fitted_ones_judge_it(tmp_path: Path) -> None:
     there, here = both(tmp_path, [swung(80, -1.0, kicked=50)], 50)
     assert here["heldout_rms"][0]["joint1"] > 1.0
     assert here["grade"] == "refused"
-    assert here["status"].startswith("The motion does not go on as identified: after ")
+    assert here["status"].startswith("The motion does not go on as identified: within ")
     assert here["doubts"] == there["doubts"]
 
 

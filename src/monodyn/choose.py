@@ -329,7 +329,7 @@ def _judged(one: Tried, poses: Poses, stop: int) -> Tried:
     trace = trace_of(fit, poses, predict(fit, times=poses.time[stop:]))
     found = held_out(fit, trace)
     off = None if found is None else float(found.share[-1])
-    return replace(one, fit=fit.doubted(heldout_doubts(fit, trace)) if fit.ok else fit, off=off)
+    return replace(one, fit=fit.doubted(heldout_doubts(fit, [trace])), off=off)
 
 
 def compared(tried: Sequence[Tried], best: Tried) -> tuple[Compared, ...]:

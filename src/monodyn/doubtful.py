@@ -16,7 +16,6 @@ from monodyn.checks import tracked_share
 from monodyn.estimation.wording import listed
 from monodyn.results.sight import Sight
 from monodyn.types import Poses
-from monodyn.vision.drawing.silhouette import convex_hull
 from monodyn.vision.locating.advice import UNEXPLAINED_SHARE
 from monodyn.vision.points.scene import PointScene
 
@@ -72,7 +71,7 @@ def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | 
             "was followed and not something like it; diagnosis.png shows what was seen. --time-range A:B and "
             "--roi X,Y,W,H choose frames and a part of the picture in which it shows."
         )
-    lost = unfound_links(part, seen)
+    lost = unfound_links(part, seen) or _unshown_bodies(sight)
     if lost:
         return lost
     # what lies badly on its mask and was lost again and again may be something else
@@ -94,6 +93,27 @@ def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | 
             "is, or take --identify.bodies free; diagnosis.png shows it."
         )
     return None
+
+
+def _unshown_bodies(sight: Sight) -> str | None:
+    """Name the bodies of which the picture shows nothing, and of which nobody has given a size.
+
+    Where it shows none of them the mechanism is elsewhere, which the outlines as a whole say.
+    """
+    if sight.scene is None or not sight.unshown:
+        return None
+    mechanism = sight.scene.mechanism
+    chosen = [p.name for p in mechanism.parameters if p.name in mechanism.chosen and not p.free]
+    given = {name.partition(".")[0] for name in chosen}
+    bodies = [repr(body) for body in sight.unshown if body not in given]
+    if not bodies or len(sight.unshown) == len(set(mechanism.shapes.body)):
+        return None
+    return (
+        f"The picture shows nothing of {listed(bodies)}: where it was looked for it lies outside of the "
+        "picture, behind the rest of the mechanism, or where nothing stands out from the background, so that "
+        "nothing of it can be estimated. Take a mechanism without it, or, where it is there, give its sizes "
+        "with --fix; diagnosis.png shows where it was looked for."
+    )
 
 
 def likely_sight(sight: Sight) -> str | None:
@@ -253,21 +273,15 @@ def _standing_out(mechanism: Mechanism) -> list[float]:
 
 def _outside(own: np.ndarray, others: Sequence[np.ndarray]) -> float:
     """Return the share of the hull of some points, (point, 2), that is outside of the hulls of others."""
-    # a regular grid over the points, and the half planes that bound each hull
-    low, high = own.min(axis=0), own.max(axis=0)
-    x, y = (np.linspace(a, b, CELLS) for a, b in zip(low, high, strict=True))
-    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    inside = [_within(grid, points, float(np.ptp(own))) for points in (own, *others)]
-    return float(np.mean(~np.any(inside[1:], axis=0)[inside[0]]))
+    import cv2
 
-
-def _within(places: np.ndarray, points: np.ndarray, unit: float) -> np.ndarray:
-    """Return which places, (place, 2), are within the hull of some points, (point, 2), bool (place,)."""
-    corners, order = np.empty((2, len(points) + 1), dtype=np.int64)
-    ends = points[corners[: convex_hull(points / unit, 0, len(points), corners, order)]]
-    edges = np.roll(ends, -1, axis=0) - ends
-    off = places[:, None] - ends
-    return np.all(off[..., 0] * edges[:, 1] <= off[..., 1] * edges[:, 0], axis=1)
+    low, cell = own.min(axis=0), np.ptp(own, axis=0) / (CELLS - 1)
+    covered = np.zeros((1 + len(others), CELLS, CELLS), np.uint8)
+    for picture, points in zip(covered, (own, *others), strict=True):
+        # four bits after the point, which is the ``shift``
+        corners = cv2.convexHull((16.0 * (points - low) / cell).astype(np.float32))
+        cv2.fillConvexPoly(picture, np.round(corners).astype(np.int32), 1, cv2.LINE_8, 4)
+    return 1.0 - float(np.mean(covered[1:].max(axis=0)[covered[0] > 0]))
 
 
 def _part_name(mechanism: Mechanism, geom: int) -> str:

@@ -15,7 +15,7 @@ from monodyn.errors import MonodynError
 from monodyn.estimation.fit import GRADES, Doubt, Fit
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.upright import ROLL
-from monodyn.results.heldout import Judged, judged
+from monodyn.results.heldout import missed
 from monodyn.results.predict import predict
 from monodyn.results.trace import fitted_rows, trace_of
 from monodyn.settings import IdentifySettings
@@ -63,26 +63,20 @@ def kept_doubts(
     if not shorter.starts:
         return [_unidentified(shorter.status)]
     found = [
-        _judged(shorter, record, stop, k)
+        doubt
         for k, (record, stop) in enumerate(zip(fitted, stops, strict=True))
-        if stop is not None
+        if stop is not None and (doubt := _judged(shorter, record, stop, k))
     ]
-    # of each kind the gravest is enough: many records would say the same many times
-    gravest = [max(kind, key=_gravity) for kind in zip(*found, strict=True)]
-    return [doubt for doubt in gravest if doubt is not None]
+    # the gravest is enough: many records would say the same many times
+    return [min(found, key=lambda doubt: (-GRADES.index(doubt.grade), doubt.holds))] if found else []
 
 
-def _judged(shorter: Fit, record: Poses, stop: int, k: int) -> Judged:
+def _judged(shorter: Fit, record: Poses, stop: int, k: int) -> Doubt | None:
     """Return what the rows of a record from ``stop`` on say against a fit to those before."""
     future = predict(shorter, times=record.time[stop:], record=k)
-    found = judged(shorter, trace_of(shorter, record, future, record=k))
+    doubt = missed(shorter, trace_of(shorter, record, future, record=k))
     without = f"Identified without the last {record.time[-1] - record.time[stop - 1]:.2g} s of the record: "
-    return Judged(*(doubt and replace(doubt, reason=f"{without}{doubt.reason}") for doubt in found))
-
-
-def _gravity(doubt: Doubt | None) -> int:
-    """Return how grave a doubt is, the gravest last."""
-    return 0 if doubt is None else GRADES.index(doubt.grade)
+    return doubt and replace(doubt, reason=f"{without}{doubt.reason}")
 
 
 def _unidentified(reason: str) -> Doubt:

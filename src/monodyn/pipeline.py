@@ -32,6 +32,7 @@ from monodyn.choose import ball_alone, candidates, choose, nearest
 from monodyn.doubtful import doubtful_sight, likely_sight, unshown_parts
 from monodyn.errors import VideoError
 from monodyn.estimation.fit import Doubt, Fit, Grade
+from monodyn.estimation.record.held import held_note
 from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.record.units import wrong_units
 from monodyn.inputs import (
@@ -48,7 +49,7 @@ from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
 from monodyn.redrawn import redrawn
 from monodyn.results.filmed import filmed_of
-from monodyn.results.findings import Findings, fit_document
+from monodyn.results.findings import NO_PICTURE, Findings, fit_document
 from monodyn.results.folder import RunFolder
 from monodyn.results.heldout import heldout_doubts, predicted_trace
 from monodyn.results.log import RunLog, recorded
@@ -157,8 +158,7 @@ def concluded(
         fit, poses = _identified(job, sight, scene, poses, (first, stop), mechanism)
     with log.stage("predict"):
         traces = predicted_trace(fit, poses, times, video.path.name)
-        if fit.ok:
-            fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
+        fit = fit.doubted(heldout_doubts(fit, traces))
         fit = redrawn(fit, scene, poses)
     log.notes += [
         *after_refusal(fit, sight, compared=bool(log.comparison)),
@@ -312,11 +312,13 @@ def identify_tables(
             log.notes += nearest(fit, comparison)
         log.notes += known_before(model, fit)
         records, mechanism, traces = best.records, best.mechanism, []
+        for record, name in zip(records, names, strict=True):
+            log.notes += held_note(record, name)
+        log.notes.append(NO_PICTURE)
         if fit.starts:
             for i, record in enumerate(records):
                 traces += predicted_trace(fit, record, times[i], names[i], record=i)
-        if fit.ok:
-            fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
+        fit = fit.doubted(heldout_doubts(fit, traces))
         about = f"Joint positions with the model {mechanism.name}."
         findings = Findings(
             fit, traces, ", ".join(names), about, log.notes,

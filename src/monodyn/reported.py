@@ -16,7 +16,7 @@ from monodyn.kept import kept_doubts
 from monodyn.mechanism.tree import BRAKES
 from monodyn.redrawn import redrawn
 from monodyn.results.filmed import filmed_of
-from monodyn.results.findings import Findings
+from monodyn.results.findings import NO_PICTURE, Findings
 from monodyn.results.folder import RunFolder
 from monodyn.results.heldout import heldout_doubts
 from monodyn.results.log import RunLog, recorded
@@ -99,6 +99,7 @@ def report(
             traces,
             title=fit.mechanism.name if video is None else video.path.name,
             subtitle=_subtitle(fit),
+            notes=[NO_PICTURE] if scene is None else [],
             record=shown[0] if len(whole) == 1 else None,
             log=log,
             filmed=None if scene is None or not shown else filmed_of(fit, scene, shown[0]),
@@ -151,7 +152,7 @@ def _judged(
         # the torques of the whole record are not those of its beginning
         mechanism = fit.mechanism if fit.torque == "known" else fit.mechanism.with_torque("friction")
         doubts += kept_doubts(fit, whole, mechanism, settings.identify, progress)
-    doubts += [doubt for trace in traces for doubt in heldout_doubts(fit, trace)]
+    doubts += heldout_doubts(fit, traces)
     return fit.doubted([doubt for doubt in doubts if doubt not in fit.doubts])
 
 

@@ -41,9 +41,7 @@ def begun():
     def beginning(later: Poses | None = None) -> Identifier:
         identifier = Identifier(LiveSettings(), IdentifySettings(), in_order=False)
         made.append(identifier)
-        found: Any = SimpleNamespace(
-            scene=SimpleNamespace(mechanism=None), poses=rows(0, 45), fit=identified()
-        )
+        found: Any = SimpleNamespace(scene=None, poses=rows(0, 45), fit=identified())
         begun: Any = SimpleNamespace(found=found, horizon=None, later=later, estimate=None)
         identifier.begin(begun)
         return identifier
@@ -270,9 +268,10 @@ def test_of_a_stretch_that_ends_upright_nothing_is_identified(
 
     monkeypatch.setattr("monodyn.live.identifier.identify", identify)
     monkeypatch.setattr("monodyn.live.identifier.horizon_of", lambda *_: None)
+    monkeypatch.setattr("monodyn.live.identifier.redrawn", lambda fit, *_: fit)
     monkeypatch.setattr("monodyn.live.identifier.followed_from", lambda *_: followed)
     stretch = joined([rows(0, whole), rows(whole, 91, seen=False)] if whole < 91 else [rows(0, 91)])
-    identifier, nothing = begun(), cast(Any, None)
+    identifier, nothing = begun(), cast(Any, SimpleNamespace(mechanism=None))
     done = identifier._reviewed(stretch, nothing, fit)
     assert given == ([] if identified_from is None else [list(range(identified_from, 91))])
     assert (done is None) == (identified_from is None)
@@ -281,11 +280,28 @@ def test_of_a_stretch_that_ends_upright_nothing_is_identified(
     assert given[-1] == list(range(91))
 
 
+def test_a_stretch_that_the_pictures_contradict_is_refused(begun, monkeypatch):
+    """As after a run: what is reported of a stretch is drawn again before it gets its grade."""
+    fit, scene, drawn = identified(), cast(Any, SimpleNamespace(mechanism="the mechanism")), []
+
+    def contradicted(*given: Any) -> Any:
+        drawn.append(given)
+        return fit.doubted([Doubt("refused", "The pictures show another motion.")])
+
+    monkeypatch.setattr("monodyn.live.identifier.identify", lambda *_: fit)
+    monkeypatch.setattr("monodyn.live.identifier.horizon_of", lambda fit, *_: fit.ok or None)
+    monkeypatch.setattr("monodyn.live.identifier.redrawn", contradicted)
+    stretch = rows(0, 91)
+    done = begun()._reviewed(stretch, scene, None)
+    assert drawn == [(fit, scene, stretch)]
+    assert (done.fit.grade, done.horizon) == ("refused", None)
+
+
 def test_it_is_looked_again_soon_after_a_stretch_that_was_left_out(begun, monkeypatch):
     """But not later than where the motion has begun anew meanwhile."""
     for broken in (False, True):
         identifier = begun(rows(45, 120))
-        identifier._mechanism = cast(Any, "the mechanism")
+        identifier._scene = cast(Any, "the scene")
         left_out = cast(Any, SimpleNamespace(done=lambda: True, result=lambda: None))
         monkeypatch.setattr(identifier._long, "submit", lambda *_, left_out=left_out: left_out)
         now, before = identifier._next, identifier.fit
@@ -301,11 +317,11 @@ def test_it_is_looked_again_soon_after_a_stretch_that_was_left_out(begun, monkey
 @pytest.mark.parametrize("goes_on", [True, False])
 def test_only_a_fit_that_something_goes_on_from_says_what_can_be_followed(begun, monkeypatch, goes_on):
     identifier, asked = begun(rows(45, 120)), []
-    identifier._mechanism = cast(Any, "the mechanism")
+    identifier._scene = cast(Any, "the scene")
     identifier._horizon = cast(Any, SimpleNamespace()) if goes_on else None
     monkeypatch.setattr(identifier._long, "submit", lambda *given: asked.append(given))
     identifier._look_again(identifier._next)
-    ((_, poses, mechanism, known),) = asked
-    assert mechanism == "the mechanism"
+    ((_, poses, scene, known),) = asked
+    assert scene == "the scene"
     assert len(poses) == 120
     assert known is (identifier.fit if goes_on else None)

@@ -8,7 +8,7 @@ import pytest
 from fits import made_fit
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Estimate
-from monodyn.results.fill import fill
+from monodyn.results.fill import carried_from, fill
 from monodyn.stages import identify
 from support import refuses
 from swings import record
@@ -114,3 +114,19 @@ def test_times_far_from_the_record_are_refused():
         "record.",
     ):
         fill(fit, np.array([0.0, 1e300]))
+
+
+def test_a_variance_is_no_smaller_than_what_rounding_leaves_of_its_terms(fit):
+    """As along a chaotic motion: the unknowns make up for one another, and their sum is lost in its terms."""
+    time = np.array([fit.time[0][-1] + 1.0])
+    slopes = carried_from(fit, fit.starts[0], 0, time).slopes[-1, :2]
+    off = 1e3 * np.random.default_rng(0).standard_normal(slopes.shape[1])
+    # in these unknowns together the position there does not change
+    off -= slopes.T @ np.linalg.solve(slopes @ slopes.T, slopes @ off)
+    assert np.all(np.abs(slopes @ off) < 1e-9)
+    lost = replace(fit, covariance=np.outer(off, off), unmodelled=None)
+    terms = np.abs(slopes) @ np.abs(off)
+    std = fill(lost, time).std[0]
+    assert np.all(std > 1e-8 * terms)
+    # and hardly more: twenty unknowns, 2e-16 each
+    assert np.all(std < 1e-7 * terms)

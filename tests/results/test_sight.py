@@ -7,6 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -124,6 +125,35 @@ def test_a_mechanism_far_outside_of_the_picture_misses_its_masks(
     judged = Sight(scene.masks.video, scene.masks, away, poses).judged
     # nothing is drawn, so all of the mask is missed
     assert [row.mismatch for row in judged] == pytest.approx([1.0] * len(judged))
+    bodies = list(dict.fromkeys(scene.mechanism.shapes.body))
+    assert Sight(scene.masks.video, scene.masks, away, poses).unshown == bodies
+
+
+def test_a_body_that_nothing_shows_is_named(filmed: tuple[Scene, Poses]) -> None:
+    """The last body stands out from the background nowhere: elsewhere the masks are as they are."""
+    scene, poses = filmed
+    *_, last = dict.fromkeys(scene.mechanism.shapes.body)
+    assert Sight(scene.masks.video, scene.masks, scene, poses).unshown == []
+
+    class Without:
+        """The masks, empty within the outline of the last body."""
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(scene.masks, name)
+
+        def of(self, frame: Frame) -> Mask:
+            mask = scene.masks.of(frame)
+            row = pose_row(poses, frame.index)
+            planes = mask.planes.copy()
+            if row is not None:
+                own = outlines_of(scene.mechanism, scene.camera, poses.position[row], {last})
+                hole = np.zeros(planes.shape[1:], np.uint8)
+                cv2.fillPoly(hole, [np.round(polygon).astype(np.int32) for polygon in own], 1)
+                planes[:, hole > 0] = 0
+            return replace(mask, planes=planes)
+
+    without: Any = replace(scene, masks=Without())
+    assert Sight(scene.masks.video, without.masks, without, poses).unshown == [last]
 
 
 def test_frames_that_were_not_tracked_are_judged_where_they_were_located(filmed: tuple[Scene, Poses]) -> None:

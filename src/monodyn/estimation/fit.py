@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -48,10 +49,13 @@ class Doubt:
     Attributes:
         grade: What is left of the fit: ``approximate`` or ``refused``.
         reason: What was found, and what to do about it, in sentences.
+        holds: Seconds after the fitted frames for which frames that the fit did not see confirm the band of
+            its prediction; infinite where none contradicts it.
     """
 
     grade: Grade
     reason: str
+    holds: float = math.inf
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from monodyn.live.record import joined
 from monodyn.live.settings import LiveSettings
 from monodyn.live.tracker import Tracker
 from monodyn.mechanism import Mechanism
+from monodyn.redrawn import redrawn
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
 from monodyn.stages import identify, locate, segment, track_freely
@@ -223,7 +224,7 @@ def search(frames: Sequence[Frame], name: str, mechanism: Mechanism, settings: R
     poses, span = track_freely(scene.masks, scene, settings.track)
     part = poses[slice(*np.searchsorted(poses.frame, span[:2]))]
     sight = Sight(video, masks=masks, scene=scene, poses=poses, fit_frames=span[:2], free_frames=span[:2])
-    fit = identify(part, scene.mechanism, settings.identify)
+    fit = redrawn(identify(part, scene.mechanism, settings.identify), scene, part)
     if why := doubtful_sight(sight, part):
         fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", why)])
     part = replace(part, frame=np.array([frames[number].index for number in part.frame]))

@@ -218,12 +218,15 @@ def _one_way(
     each (frame, 2 dof)."""
     carried = carried_from(fit, start, record, times, error_bound=error_bound)
     rows, slopes = carried.rows, carried.slopes[carried.rows]
-    variance = np.einsum("fip,pr,fir->fi", slopes, fit.motion_covariance(record), slopes, optimize=True)
+    covariance = fit.motion_covariance(record)
+    variance = np.einsum("fip,pr,fir->fi", slopes, covariance, slopes, optimize=True)
+    # where errors grow along the motion the terms are much larger than their sum: rounding is added
+    terms = (np.abs(slopes) @ np.sqrt(np.diag(covariance))) ** 2
+    variance = np.maximum(variance, 0.0) + len(covariance) * np.finfo(float).eps * terms
     variance += _astray(fit, record, carried)[rows]
     # a fit that is not determined has no covariance
     unknown = np.isnan(variance).any(axis=1) | fit.unpushed(carried.stamps[rows], record)
-    # rounding may leave a variance slightly below zero where the motion hardly depends on the unknowns
-    std = np.where(unknown[:, None], np.inf, np.sqrt(np.maximum(variance, 0.0)))
+    std = np.where(unknown[:, None], np.inf, np.sqrt(variance))
     return carried.motion[rows], std
 
 

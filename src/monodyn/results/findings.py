@@ -46,6 +46,12 @@ Openness = Literal["factor", "combined", "open"]
 REFUSED = "A refused fit tells nothing of the mechanism: neither values nor intervals are to be relied on."
 """What stands before its numbers."""
 
+NO_PICTURE = (
+    "No picture was seen: the grade says how well the mechanism explains the table, not whether the table "
+    "has the joints of this mechanism."
+)
+"""Note on what was identified from joint positions alone."""
+
 
 @dataclass(frozen=True, eq=False)
 class Findings:

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.choices import Tolerance
 from monodyn.estimation.fit import Doubt, Fit
-from monodyn.estimation.wording import amount, listed
+from monodyn.estimation.wording import listed
+from monodyn.mechanism.steps import spacing
+from monodyn.results.curves import BAND
+from monodyn.results.fill import fill
+from monodyn.results.horizon import allowed, by_joint, horizon_of
 from monodyn.results.predict import predict
 from monodyn.results.trace import Trace, trace_of
 from monodyn.types import Poses
 
-WITHIN = 0.1
-"""Error up to which a prediction holds, as a share of the joint's range of motion (at most one turn)."""
+PREDICTED = 0.1
+"""95 % band up to which a prediction says something, as a share of the joint's range of motion (at most one
+turn): beyond, how an error grows is no longer in proportion to it. From 0.03 to 0.3 the same records are
+doubted."""
 MOST_BANDS = 3.0
-"""Error over its standard deviation, both rms, above which the band of a prediction is too narrow."""
+"""Error over its standard deviation, rms, above which the band of a prediction is too narrow: one of three
+hundred right ones is."""
+FARTHEST_BANDS = 9.0
+"""Standard deviations from which on a row counts no more: one row in nine of another kind decides, fewer do
+not."""
 USELESS = 0.5
 """Share of the range that a prediction misses at once where it is none."""
 AT_ONCE = 0.25
@@ -28,36 +40,19 @@ class HeldOut(NamedTuple):
     """Frames after the fitted ones, compared with their prediction.
 
     Attributes:
-        bands: Rms error over the rms of its standard deviation by joint, which has prediction and
-            measurement, (dof,); NaN where none was measured and predicted.
+        bands: Rms of the error over its standard deviation, which has prediction and measurement, by joint,
+            (dof,), over the frames up to which the prediction says something; NaN where there are none.
+        holds: Seconds after the last fitted frame until the first joint whose band is too narrow leaves it;
+            infinite where none is.
         share: Largest error as a share of the range of motion so far, (frame,); infinite from where on there
             is no prediction of what was measured.
         time: Seconds after the last fitted frame, (frame,).
-        joint: The joint that leaves the tolerance first, or is off most.
     """
 
     bands: np.ndarray
+    holds: float
     share: np.ndarray
     time: np.ndarray
-    joint: int
-
-    @property
-    def holds(self) -> float:
-        """How long the prediction stays within the tolerance [s]; infinite as far as was measured."""
-        off = self.share > WITHIN
-        return float(self.time[int(np.argmax(off))]) if off.any() else np.inf
-
-
-class Judged(NamedTuple):
-    """What frames that a fit did not see say against it, each None where they do not.
-
-    Attributes:
-        motion: The motion does not go on as predicted.
-        band: It is farther off than the band of the prediction has it.
-    """
-
-    motion: Doubt | None
-    band: Doubt | None
 
 
 def predicted_trace(fit: Fit, poses: Poses, times: np.ndarray, name: str, *, record: int = 0) -> list[Trace]:
@@ -91,21 +86,24 @@ def held_out(fit: Fit, trace: Trace) -> HeldOut | None:
     measured = ~np.isnan(error)
     if not measured.any():
         return None
-    # what grew beyond all numbers is no prediction: it misses
-    use = np.isfinite(error)
     rms = np.array([fit.rms[name] for name in trace.poses.joints])
-    expected = np.where(use, std**2 + rms**2, np.nan)
-    squares = np.where(use, error**2, np.nan)
-    counted = use.any(axis=0)
-    bands = np.full(len(rms), np.nan)
-    bands[counted] = np.sqrt(np.nansum(squares[:, counted], axis=0) / np.nansum(expected[:, counted], axis=0))
-    shares = np.where(use, np.abs(np.where(use, error, 0.0)) / _ranges(fit, trace), 0.0)
-    shares[measured & ~use] = np.inf
-    so_far = np.maximum.accumulate(shares.max(axis=1))
-    far = shares > WITHIN
-    row = int(np.argmax(far.any(axis=1))) if far.any() else int(np.argmax(shares.max(axis=1)))
-    last = float(trace.poses.time[trace.rows[1] - 1])
-    return HeldOut(bands, so_far, time - last, int(np.argmax(shares[row])))
+    ranges = _ranges(fit, trace)
+    size = np.where(measured & np.isfinite(error), np.abs(error), 0.0)
+    # of a chaotic motion the band grows until it says nothing, and from there on nothing contradicts it; what
+    # grew beyond all numbers is no prediction, whatever its band
+    says = np.logical_and.accumulate(BAND * std <= PREDICTED * ranges, axis=0)
+    far = np.where(
+        np.isinf(error), FARTHEST_BANDS, np.minimum(size / np.sqrt(std**2 + rms**2), FARTHEST_BANDS)
+    )
+    judged = (says | np.isinf(error)) & measured
+    far = np.where(judged, far, 0.0)
+    counts = np.where(judged.any(axis=0), judged.sum(axis=0), np.nan)
+    bands = np.sqrt(np.sum(far**2, axis=0) / counts)
+    since = time - float(trace.poses.time[trace.rows[1] - 1])
+    left = ((far > MOST_BANDS) & (bands > MOST_BANDS)).any(axis=1)
+    holds = float(np.append(0.0, since)[int(np.argmax(left))]) if left.any() else np.inf
+    share = np.maximum.accumulate(np.where(np.isinf(error), np.inf, size / ranges).max(axis=1))
+    return HeldOut(bands, holds, share, since)
 
 
 def _ranges(fit: Fit, trace: Trace) -> np.ndarray:
@@ -119,60 +117,69 @@ def _ranges(fit: Fit, trace: Trace) -> np.ndarray:
     return np.maximum(np.where(hinge, np.minimum(ranges, 2.0 * np.pi), ranges), 1e-9)
 
 
-def heldout_doubts(fit: Fit, trace: Trace) -> list[Doubt]:
-    """Return what the frames after the fitted ones say against a fit.
+def heldout_doubts(fit: Fit, traces: Sequence[Trace]) -> list[Doubt]:
+    """Return what predictions say against a fit: those of frames that it did not see, and how short they are.
 
     Args:
         fit: The fit.
-        trace: A record of it with its prediction.
+        traces: Its records with their predictions, in the order of the fit.
     """
-    return [doubt for doubt in judged(fit, trace) if doubt is not None]
+    if not fit.ok:
+        return []
+    doubts = [doubt for trace in traces if (doubt := missed(fit, trace))]
+    if any(np.isfinite(doubt.holds) for doubt in (*fit.doubts, *doubts)):
+        return doubts
+    return [doubt for k, trace in enumerate(traces) if (doubt := _blind(fit, trace, k))][:1]
 
 
-def judged(fit: Fit, trace: Trace) -> Judged:
-    """Return what the frames after the fitted ones say against a fit, by kind.
+def missed(fit: Fit, trace: Trace) -> Doubt | None:
+    """Return a doubt of one that misses the frames after the fitted ones by more than its prediction's band.
 
     Args:
         fit: The fit.
         trace: A record of it with its prediction.
     """
     found = held_out(fit, trace)
-    return Judged(None, None) if found is None else Judged(_astray(fit, trace, found), _narrow(trace, found))
-
-
-def _astray(fit: Fit, trace: Trace, found: HeldOut) -> Doubt | None:
-    """Doubt a fit whose prediction leaves its tolerance."""
-    if not np.isfinite(found.holds):
+    if found is None or not np.isfinite(found.holds):
         return None
-    name, first = trace.poses.joints[found.joint], float(trace.poses.time[trace.rows[0]])
-    fitted = float(trace.poses.time[trace.rows[1] - 1]) - first
-    rms = trace.heldout()[name]
-    if rms is None or not np.isfinite(rms):
-        off = f"the identified motion of {name} grows beyond all numbers."
-    else:
-        off = (
-            f"{name} is off by more than {WITHIN:.0%} of its range, {amount(fit.mechanism, name, rms)} rms "
-            f"over the {found.time[-1]:.2g} s that were held out."
-        )
-    soon = found.time <= AT_ONCE * fitted
+    outside = [
+        joint for joint, bands in zip(trace.poses.joints, found.bands, strict=True) if bands > MOST_BANDS
+    ]
+    first, last = (float(trace.poses.time[row]) for row in (trace.rows[0], trace.rows[1] - 1))
+    soon = found.time <= AT_ONCE * (last - first)
     if soon.any() and found.share[soon][-1] > USELESS:
-        return Doubt("refused", f"The motion does not go on as identified: after {found.holds:.2g} s {off}")
-    return Doubt(
-        "approximate", f"The prediction holds for {found.holds:.2g} s after the fitted frames; then {off}"
-    )
-
-
-def _narrow(trace: Trace, found: HeldOut) -> Doubt | None:
-    """Doubt a fit whose prediction is farther off than its band."""
-    joints = trace.poses.joints
-    outside = [joint for joint, bands in zip(joints, found.bands, strict=True) if bands > MOST_BANDS]
-    if not outside:
-        return None
+        return Doubt(
+            "refused",
+            f"The motion does not go on as identified: within {found.time[soon][-1]:.2g} s the prediction "
+            f"misses it by more than {USELESS:.0%} of its range, farther than its band has it "
+            f"({listed(outside)}).",
+            found.holds,
+        )
     return Doubt(
         "approximate",
         f"The frames that were held out lie {np.nanmax(found.bands):.2g} standard deviations from their "
         f"prediction ({listed(outside)}): its band is too narrow, and so may be the intervals of the "
         "parameters.",
+        found.holds,
+    )
+
+
+def _blind(fit: Fit, trace: Trace, record: int) -> Doubt | None:
+    """Doubt a fit of which no force shows as long as its prediction can be relied on."""
+    tolerance, end = Tolerance(), fit.time[record][-1:]
+    found = horizon_of(fit, trace, tolerance, record=record)
+    if np.isinf(found.seconds) or fit.unpushed(end + spacing(fit.time[record]), record)[0]:
+        return None
+    motion = fill(fit, np.append(end, end + max(found.seconds, 1e-9)), record=record)
+    uniform = motion.position[0] + motion.velocity[0] * (motion.time - end)[:, None]
+    most = by_joint(fit, tolerance)
+    if np.any(np.abs(motion.position - uniform) > most):
+        return None
+    return Doubt(
+        "approximate",
+        f"A prediction may be off by {allowed(fit.mechanism, tolerance)} {found.seconds:.2g} s after the "
+        "fitted frames, before anything that acts has changed the motion by as much: it shows the last rates "
+        "and hardly what was identified.",
     )
 
 

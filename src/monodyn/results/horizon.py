@@ -30,8 +30,8 @@ class Horizon(NamedTuple):
 
     Attributes:
         seconds: From the last fitted frame on [s]; infinite where it does as far as is looked.
-        joint: The joint that leaves it first; empty where none does.
-        shown: True where it was measured to leave it, before its band does.
+        joint: The joint that leaves it first; empty where none does, or where it leaves its band.
+        shown: True where frames that the fit did not see end it, before its band does.
     """
 
     seconds: float
@@ -43,7 +43,8 @@ def horizon(fit: Fit, tolerance: Tolerance | None = None, *, record: int = 0) ->
     """Return how long the 95 % band of a prediction stays within a tolerance.
 
     The band has what is not known of the parameters and of the start state, carried along the motion, so that
-    it grows as fast as motions nearby part, and what the model lacks.
+    it grows as fast as motions nearby part, and what the model lacks. It counts for no longer than frames
+    that the fit did not see confirm it (``Doubt.holds``).
 
     Args:
         fit: The identified mechanism.
@@ -56,7 +57,8 @@ def horizon(fit: Fit, tolerance: Tolerance | None = None, *, record: int = 0) ->
     Raises:
         SettingsError: nothing was identified, or there is no such record.
     """
-    most = _by_joint(fit, tolerance or Tolerance())
+    most = by_joint(fit, tolerance or Tolerance())
+    confirmed = Horizon(min((doubt.holds for doubt in fit.doubts), default=np.inf), "", True)
     stamps = fit.time[record] if record < len(fit.time) else np.zeros(1)
     end, step = float(stamps[-1]), spacing(stamps)
     length = max(2.0 * float(stamps[-1] - stamps[0]), 1.0)
@@ -68,9 +70,9 @@ def horizon(fit: Fit, tolerance: Tolerance | None = None, *, record: int = 0) ->
         band = BAND * fill(fit, end + ahead, record=record, error_bound=error_bound).std / most
         off = ~(band <= 1.0)
         if off.any():
-            return _first(fit, ahead, off)
-        if length == FARTHEST:
-            return Horizon(np.inf, "")
+            return min(_first(fit, ahead, off), confirmed)
+        if length == FARTHEST or ahead[-1] > confirmed.seconds:
+            return confirmed if np.isfinite(confirmed.seconds) else Horizon(np.inf, "")
         length *= _farther(band)
 
 
@@ -100,14 +102,20 @@ def horizon_of(fit: Fit, trace: Trace, tolerance: Tolerance, *, record: int = 0)
     found, (time, error, _) = horizon(fit, tolerance, record=record), trace.ahead
     # what is measured has noise of its own
     noise = np.array([fit.rms[name] for name in trace.poses.joints])
-    off = np.abs(np.where(np.isnan(error), 0.0, error)) > _by_joint(fit, tolerance) + BAND * noise
+    off = np.abs(np.where(np.isnan(error), 0.0, error)) > by_joint(fit, tolerance) + BAND * noise
     if not off.any():
         return found
     seen = _first(fit, time - float(fit.time[record][-1]), off)
     return seen._replace(shown=True) if seen.seconds < found.seconds else found
 
 
-def _by_joint(fit: Fit, tolerance: Tolerance) -> np.ndarray:
+def by_joint(fit: Fit, tolerance: Tolerance) -> np.ndarray:
+    """Return how far off the prediction of each joint may be [rad or m], (dof,).
+
+    Args:
+        fit: The identified mechanism.
+        tolerance: How far off it may be, by the kind of joint.
+    """
     return np.array([tolerance.of(joint.kind) for joint in fit.mechanism.joints])
 
 
@@ -136,10 +144,8 @@ def horizon_said(fit: Fit, found: Horizon, tolerance: Tolerance, *, since: str =
     if found.seconds == 0.0:
         return f"Predictions leave {within} right after {since}."
     how = "as was measured" if found.shown else "by their 95 % band"
-    return (
-        f"Predictions stay within {within} for {found.seconds:.2g} s after {since} ({how}; "
-        f"{found.joint} is the first to leave)."
-    )
+    first = f"; {found.joint} is the first to leave" if found.joint else ""
+    return f"Predictions stay within {within} for {found.seconds:.2g} s after {since} ({how}{first})."
 
 
 def lasts(found: Horizon) -> str:

@@ -362,7 +362,10 @@ def _fit(document: Mapping[str, Any], model: Path) -> Fit:
         logs = known_torques(model.parent / "torques.csv", joints, records=len(starts), lag=lag)
     return Fit(
         status=document["status"],
-        doubts=tuple(Doubt(**doubt) for doubt in document["doubts"]),
+        doubts=tuple(
+            Doubt(**{**doubt, "holds": known_or(doubt.get("holds"), math.inf)})
+            for doubt in document["doubts"]
+        ),
         advice=tuple(document["advice"]),
         mechanism=mechanism,
         parameters=tuple(estimates),

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -49,6 +49,9 @@ GROWN = 0.15
 """Margin around the outlines in which a mask is compared with them, as a share of their extent."""
 REACH_PX, SPACING_PX = 4.0, 3.0
 """Length of the search along the normals, and distance of the outline samples [px]: those of the tracking."""
+LEAST_ALONE, LEAST_SHOWN = 0.02, 0.25
+"""Share of a body's outline that the picture has to show by itself, and share of that which has to stand out
+from the background, below which the picture does not show the body."""
 MOST_DURING = 24
 """Times of an exposure, at most, at which a moving outline is drawn."""
 FARTHEST_PX = 1e6
@@ -67,6 +70,8 @@ class Judged:
         inside: Coverage just inside of the outline.
         mismatch: Mismatch of outline and mask as a share of the mask's area.
         beyond: What of it is of the mask, outside of the outline; the rest is of the outline, off the mask.
+        alone: Of each body the area of its outline, how much of the picture it alone covers, and how much of
+            that stands out from the background [px], (body, 3).
     """
 
     frame: Frame
@@ -76,6 +81,7 @@ class Judged:
     inside: float
     mismatch: float
     beyond: float = 0.0
+    alone: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def score(self) -> float:
@@ -261,6 +267,22 @@ class Sight:
         shares = [judged.beyond for judged in self.judged if judged.tracked]
         return float(np.median(shares)) if shares else float("nan")
 
+    @property
+    def unshown(self) -> list[str]:
+        """The bodies of which the tracked frames show nothing: their outline lies outside of the picture, or
+        behind the other bodies, or where nothing stands out."""
+        tracked = [judged.alone for judged in self.judged if judged.tracked]
+        if self.scene is None or not tracked:
+            return []
+        outline, alone, shown = np.sum(tracked, axis=0).T
+        missing = (alone <= LEAST_ALONE * outline) | (shown <= LEAST_SHOWN * alone)
+        return [body for body, lacks in zip(_bodies(self.scene.mechanism), missing, strict=True) if lacks]
+
+
+def _bodies(mechanism: Mechanism) -> list[str]:
+    """Return the names of the bodies that are drawn, each once."""
+    return list(dict.fromkeys(mechanism.shapes.body))
+
 
 def _pose(poses: Poses | None, frame: int) -> np.ndarray | None:
     row = pose_row(poses, frame)
@@ -323,7 +345,26 @@ def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool, arou
     planes = planes_for(mask, view)
     found = edge_terms(planes, view, rig, no_shifts(rig), position, REACH_PX, SPACING_PX).agreement
     missing, more = _mismatch(scene, planes, view, _during(scene, frame.index, position), around)
-    return Judged(frame, position, tracked, found.matched, found.inside, missing + more, more)
+    alone = _alone(scene, planes, view, position)
+    return Judged(frame, position, tracked, found.matched, found.inside, missing + more, more, alone)
+
+
+def _alone(scene: Scene, planes: np.ndarray, view: View, position: np.ndarray) -> np.ndarray:
+    """Return of each body the area of its outline, how much of the picture it alone covers, and how much of
+    that stands out from the background [px], (body, 3)."""
+    import cv2
+
+    covered, known = planes.max(axis=0), view.trust.max(axis=0) >= TRUSTED
+    whole = Window(0, covered.shape[0], 0, covered.shape[1])
+    polygons = [
+        outlines_of(scene.mechanism, scene.camera, position, {body}) for body in _bodies(scene.mechanism)
+    ]
+    areas = [sum(cv2.contourArea(one.astype(np.float32)) for one in own) for own in polygons]
+    drawn = [_drawn(own, whole) for own in polygons]
+    every = np.sum(drawn, axis=0, dtype=np.int32)
+    alone = [known & (own > FULL // 2) & (every == own) for own in drawn]
+    shown = [np.minimum(covered[own], FULL).sum() / FULL for own in alone]
+    return np.column_stack((areas, [own.sum() for own in alone], shown))
 
 
 def _during(scene: Scene, frame: int, position: np.ndarray) -> list[np.ndarray]:

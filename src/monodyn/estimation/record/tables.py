@@ -14,6 +14,7 @@ import numpy as np
 from monodyn.arrays import WILD, clock, frozen
 from monodyn.choices import check_endless
 from monodyn.errors import VideoError
+from monodyn.estimation.record.held import held_rows
 from monodyn.mechanism import Mechanism
 from monodyn.names import meant, near, near_files, quoted, short
 from monodyn.types import Poses, shared_columns
@@ -34,7 +35,8 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     or 0), ``<joint>_std`` [rad or m] and ``<joint>_seen`` (1 or 0) are used when they are there, others are
     left alone. An empty or ``nan`` position is a gap. In a row whose ``seen`` is 0 the joints count whose
     own ``_seen`` is 1, unless that is said of all of them. Without a ``_std`` column the noise is estimated
-    from the record itself. ``<joint>_shared1``, ``<joint>_shared2`` ... [rad or m] are errors that the
+    from the record itself. A position that repeats the one before while its joint moves on is a gap, too: the
+    log held its last reading. ``<joint>_shared1``, ``<joint>_shared2`` ... [rad or m] are errors that the
     positions share: by how much each is off where what they have in common is off by one standard deviation.
 
     Args:
@@ -63,6 +65,10 @@ def read_poses(path: str | Path, joints: Mechanism | Sequence[str]) -> Poses:
     time = clock(f"{path.name}: column 'time'", table[:, columns["time"]], error=VideoError)
     position = table[:, [columns[name] for name in names]]
     seen, joint_seen = _seen(position, table, columns, names)
+    held = held_rows(position, np.isfinite(position))
+    if held.any():
+        joint_seen = (seen[:, None] if joint_seen is None else joint_seen) & np.isfinite(position) & ~held
+        seen = np.asarray(joint_seen.all(axis=1))
     frame = table[:, columns["frame"]].astype(int) if "frame" in columns else np.arange(len(time))
     if not (seen if joint_seen is None else joint_seen).any():
         raise VideoError(f"{path.name}: expected measured joint positions, got none in {len(time)} rows.")
