@@ -109,7 +109,7 @@ def test_what_is_known_of_sizes_contains_the_common_direction() -> None:
     exact = Exactness(1e-6, 0.1).of(bundle)
     covariance = [
         np.linalg.inv(size_information(b, scale_free=False).information)
-        for b in (exact, replace(exact, lit=way))
+        for b in (exact, replace(exact, alternatives=(way,)))
     ]
     added = np.array([way[name] for name in names])
     np.testing.assert_allclose(covariance[1] - covariance[0], np.outer(added, added), atol=1e-7)

@@ -207,6 +207,7 @@ class Axis:
         names: Names of these parameters.
         marks: Start places along the axis that belong to other parts: hinges and ends of the main geom [m].
         marks_across: Start places across it: hinges, middle and sides of the main geom [m].
+        caps: How far round ends of the main geom reach behind and beyond its own axis, as ``caps_of`` has it.
         thick: Name of the size that the main geom has along the line of sight, or empty.
     """
 
@@ -218,6 +219,7 @@ class Axis:
     names: AxisNames
     marks: tuple[float, ...] = ()
     marks_across: tuple[float, ...] = ()
+    caps: tuple[float, float] = (0.0, 0.0)
     thick: str = ""
 
     @property
@@ -306,8 +308,40 @@ class Axis:
         return plus(times(along, ux), times(across, nx)), plus(times(along, uy), times(across, ny))
 
 
+def caps_of(
+    link: Link, anchors: list[np.ndarray], profiles: list[Profile], along: np.ndarray
+) -> tuple[float, float]:
+    """Return how far the round ends of a link's main geom count beyond the ends of its axis [m].
+
+    A body is as long as it reaches, round end included, whatever its shape. Where a hinge, a site or the
+    middle of another geom is on the end of a capsule's axis, that is the place which the file states, and the
+    cap, half the width, comes in addition.
+
+    Args:
+        link: The link.
+        anchors: Joint positions of its children in its frame [m], each (2,).
+        profiles: Profiles of its own body's geoms.
+        along: Direction of its long axis, (2,).
+
+    Returns:
+        Behind and beyond; 0 for a flat end, and for one at such a place.
+    """
+    main = main_geom(profiles)
+    if main is None or main.geom.kind != "capsule" or main.long is None:
+        return 0.0, 0.0
+    (half, radius), middle = main.half, float(main.centre @ along)
+    stated = [np.zeros(2), *anchors, *(site.place for site in link.sites)]
+    stated += [shape.centre for shape in profiles if shape is not main]
+    places, near = np.array(stated) @ along, TOUCHING * 2 * half
+    low, high = (radius * float(np.all(np.abs(places - middle - end) > near)) for end in (-half, half))
+    return low, high
+
+
 def long_axis(link: Link, anchors: list[np.ndarray], profiles: list[Profile]) -> tuple[np.ndarray, float]:
     """Return direction, (2,), and start length [m] of a link's long axis; length 0 where it has none.
+
+    A link with a child is as long as from hinge to hinge, the last one as from its hinge to its end; where a
+    ball is all there is, to its middle.
 
     Args:
         link: The link.
@@ -323,9 +357,8 @@ def long_axis(link: Link, anchors: list[np.ndarray], profiles: list[Profile]) ->
         along = main.long if main.long[np.argmax(np.abs(main.long))] > 0 else -main.long
         reach = float(far @ along)
         if abs(reach) <= TINY * size:
-            return along, 2 * main.half[0]
+            return along, 2 * main.half[0] + sum(caps_of(link, anchors, profiles, along))
         return (along, reach) if reach > 0 else (-along, -reach)
-    # A link with a child is as long as from hinge to hinge; the last one reaches to the end of its geom.
     if reach > TINY * size:
         return far / reach, reach
     if main is None:
@@ -340,5 +373,6 @@ def long_axis(link: Link, anchors: list[np.ndarray], profiles: list[Profile]) ->
     if main.geom.kind in ("capsule", "cylinder"):
         sides = sides[:1]
     along, half = max(sides, key=lambda side: abs(float(main.centre @ side[0])) + side[1])
-    middle = float(main.centre @ along)
-    return (along, middle + half) if middle >= -TINY * size else (-along, half - middle)
+    if float(main.centre @ along) < -TINY * size:
+        along = -along
+    return along, float(main.centre @ along) + half + caps_of(link, anchors, profiles, along)[1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -45,6 +45,7 @@ class Mechanism:
         chosen: Names whose freedom the user chose; ``with_bodies`` leaves them alone.
         measured: The picture's information about sizes, or None.
         source: The file that it was read from, or the bundled name.
+        ends: Bodies that end otherwise than there, as ``with_ends`` takes them.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Mechanism:
     chosen: frozenset[str] = frozenset()
     measured: Measured | None = None
     source: str = ""
+    ends: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def tree(self) -> Tree:

@@ -47,7 +47,7 @@ def mounted(mechanism: Mechanism, rate: float) -> tuple[Mechanism, str]:
         terms={kind: mass * rate**2 if kind == "stiffness" else 0.0 for kind in JOINT},
     )  # fmt: skip
     links = [base, *(replace(link, parent=link.parent + 1) for link in mechanism.plan.links)]
-    made = _grown(mechanism, assembled(mechanism.name, links, values["gravity"]))
+    made = grown(mechanism, assembled(mechanism.name, links, values["gravity"]))
     known = set(mechanism.plan.table.names)
     held = [p.name for p in made.parameters if p.name not in known and not p.follows]
     return made.with_choices(fix={n: made.values[n] for n in held}).with_choices(
@@ -81,7 +81,7 @@ def hung(mechanism: Mechanism) -> tuple[Mechanism, str] | None:
     made = assembled(mechanism.name, [*mechanism.plan.links, further], mechanism.values["gravity"])
     if not set(mechanism.plan.table.names) <= set(made.values):
         return None
-    made = _grown(mechanism, made)
+    made = grown(mechanism, made)
     # where picture or search have found other sizes of the last one than the file's, it is like these
     theirs = {f"{name}.{kind}": f"{last.joint.body}.{kind}" for kind in ALIKE}
     alike = {own: made.values[other] for own, other in theirs.items() if {own, other} <= set(made.values)}
@@ -95,12 +95,17 @@ def _new(name: str, mechanism: Mechanism) -> str:
     return name
 
 
-def _grown(mechanism: Mechanism, made: Mechanism) -> Mechanism:
-    """Return a mechanism of more links with the old ones' parameters as they are."""
+def grown(mechanism: Mechanism, made: Mechanism) -> Mechanism:
+    """Return a mechanism of further parts with the parameters of another one as they are there.
+
+    Args:
+        mechanism: The other one.
+        made: A mechanism that has all of its parameters.
+    """
     columns = ("numbers", "lower", "upper", "own", "free")
     table, found = mechanism.plan.table, {column: getattr(made, column).copy() for column in columns}
     for row, parameter in enumerate(table.names):
         at = made.row(parameter)
         for column, values in found.items():
             values[at] = getattr(mechanism, column)[row]
-    return replace(made, **found, chosen=mechanism.chosen, measured=mechanism.measured)
+    return replace(made, **found, chosen=mechanism.chosen, measured=mechanism.measured, ends=mechanism.ends)

@@ -144,12 +144,13 @@ def half_across(shape: Profile, axis: np.ndarray) -> float:
     return shape.half[1]
 
 
-def main_ends(shape: Profile | None, axis: np.ndarray) -> tuple[float, ...]:
+def main_ends(shape: Profile | None, axis: np.ndarray, caps: tuple[float, float]) -> tuple[float, ...]:
     """Return where the main geom of a body begins and ends along its axis [m]; nothing if it is tilted.
 
     Args:
         shape: The geom, or None.
         axis: Direction of the link's long axis, (2,).
+        caps: How far its round ends count, as ``caps_of`` has it.
     """
     if shape is None:
         return ()
@@ -162,7 +163,7 @@ def main_ends(shape: Profile | None, axis: np.ndarray) -> tuple[float, ...]:
         half = shape.half[1]
     elif shape.long is not None:
         return ()
-    return middle - half, middle + half
+    return middle - half - caps[0], middle + half + caps[1]
 
 
 def main_sides(shape: Profile | None, axis: np.ndarray) -> tuple[float, ...]:
@@ -216,7 +217,11 @@ def _main_span(box: _Box, table: Table, naming: Naming, width: Form) -> Span:
     axis, (t, s) = box.axis, box.place
     middle, along = axis.at(t), {}
     if not box.round:
-        low, high = axis.at(t - box.half[0]), axis.at(t + box.half[0])
+        # a round end that counts reaches half the width beyond the end of the geom's axis
+        low, high = (
+            plus(axis.at(t + side * (box.half[0] + cap)), times(width, -0.5 * side if cap else 0.0))
+            for side, cap in zip((-1.0, 1.0), axis.caps, strict=True)
+        )
         middle, along = times(plus(low, high), 0.5), plus(high, times(low, -1.0))
     across = axis.beside(s)
     if abs(s) > TINY * max(axis.length, axis.width):

@@ -20,6 +20,7 @@ from monodyn.mechanism.axis import (
     Axis,
     AxisNames,
     Form,
+    caps_of,
     is_rod,
     long_axis,
     main_geom,
@@ -225,7 +226,8 @@ def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
     if length > 0:
         name = table.add(Entry(f"{body}.length", "length", body, length, "m", free=True))
     cart = link.joint.kind == "slide" and not any(abs(float(a @ along)) > TINY * length for a in anchors)
-    ends = main_ends(main, along)
+    caps = caps_of(link, anchors, profiles, along)
+    ends = main_ends(main, along, caps)
     places = [float(a @ along) for a in anchors]
     tail, tip = (0.0, 0.0) if cart or not name else _overhang([*places, *ends], length)
     names = {"tail": "", "tip": ""}
@@ -253,6 +255,7 @@ def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
         names=AxisNames(length=name, tail=names["tail"], tip=names["tip"], width=across),
         marks=(0.0, length, *places, *ends),
         marks_across=(0.0, *aside, *main_sides(main, along)),
+        caps=caps,
         thick="" if main is None else across if is_rod(main) else f"{body}.thickness",
     )
 

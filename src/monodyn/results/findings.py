@@ -183,6 +183,7 @@ def fit_document(findings: Findings) -> dict[str, Any]:
             "units": {joint.name: "rad" if joint.kind == "hinge" else "m" for joint in fit.mechanism.joints},
             "rms": dict(fit.rms),
             "heldout_rms": [trace.heldout() for trace in findings.traces],
+            "ends": dict(fit.mechanism.ends),
             "measured": None if measured is None else asdict(measured),
             "unmodelled": None if fit.unmodelled is None else fit.unmodelled._asdict(),
             "horizon": [_horizon_row(findings, found) for found in findings.horizons],

@@ -18,6 +18,7 @@ from monodyn.estimation.parts import Combination, Start, TriedTorque, Unmodelled
 from monodyn.estimation.shooting.unknowns import SEEN_ONLY, assumed_sizes
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Measured, Mechanism, load
+from monodyn.mechanism.ends import with_ends
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL
@@ -140,6 +141,7 @@ def remembered(folder: str | Path, *, through: frozenset[Path] = frozenset()) ->
                 f"to '{source}' again; give the file itself with --model."
             )
         mechanism = remembered(source, through=through) if is_run(source) else load(source)
+        mechanism = with_ends(mechanism, document.get("ends", {}))
         known = {row["name"]: float(row["value"]) for row in document["parameters"]}
         given = {n: float(v) for n, v in settings["fix"].items() if n in mechanism.values}
         mechanism = mechanism.with_choices(

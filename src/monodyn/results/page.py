@@ -101,6 +101,7 @@ def page_text(
         diagnosis="" if diagnosis is None else _text_of(diagnosis),
         known=[_parameter(row, kinds) for row in listed if row.identifiable],
         frictions=ratios,
+        sized="length" in kinds.values(),
         unknown=[_parameter(row, kinds, open_ways) for row in listed if not row.identifiable],
         others=[_parameter(row, kinds) for row in others],
         combinations=[

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.ends import with_ends
 from monodyn.types import Camera, Poses
 from monodyn.vision.drawing.camera import around_origin, from_origin, value_of, with_values
 from monodyn.vision.drawing.outline import covered_pixels
@@ -67,6 +68,7 @@ def find_again(sought: Sought, scene: Scene, tracked: Poses, *, looks: bool) -> 
         The scene, its sizes and places from pictures that are compared with that motion; the same one where
         too few samples were followed.
     """
+    sought = replace(sought, mechanism=with_ends(sought.mechanism, scene.mechanism.ends))
     unit = 1.0 / scene.camera.depth
     camera = replace(scene.camera, x=scene.camera.x * unit, y=scene.camera.y * unit, depth=1.0)
     held = {*sought.fix, *(["camera.focal"] if sought.settings.focal else [])}

@@ -86,8 +86,8 @@ class Bundle:
         inside: Mean coverage inside of the outline, (key frame,).
         samples: Outline samples at which an edge could be looked for, (key frame,).
         systematic_px: Standard deviation of a size that more key frames do not reduce [px].
-        lit: Change of the variables if light was mixed before it was coded, by name; empty where that is not
-            asked.
+        alternatives: Changes of the variables, by name, that the pictures allow as well: if light was mixed
+            before it was coded, or a body ends otherwise.
         unsettled: By how much the edges would still move each variable, (param,): what shows only where it
             stands too far out is drawn back until it no longer shows. Empty counts as nothing.
     """
@@ -102,7 +102,7 @@ class Bundle:
     inside: np.ndarray
     samples: np.ndarray = field(default_factory=lambda: np.zeros(0))
     systematic_px: float = SYSTEMATIC_PX
-    lit: Mapping[str, float] = field(default_factory=dict)
+    alternatives: tuple[Mapping[str, float], ...] = ()
     unsettled: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property

@@ -88,9 +88,9 @@ def _known(bundle: Bundle, *, scale_free: bool) -> tuple[tuple[str, ...], np.nda
     px = np.array([values[variables.against[i] or variables.names[i]] for i in sizes])
     px = px * bundle.camera.focal / bundle.camera.depth
     # (K^-1 + D)^-1 for a K that may be singular, D the variance that no number of frames takes away
-    lit = np.array([bundle.lit.get(name, 0.0) for name in names])
+    ways = np.array([[way.get(name, 0.0) for name in names] for way in bundle.alternatives])
     drawn = bundle.unsettled[sizes] if len(bundle.unsettled) else np.zeros(len(names))
-    variance = np.diag((bundle.systematic_px / px) ** 2) + np.outer(lit, lit) + np.outer(drawn, drawn)
+    variance = np.diag((bundle.systematic_px / px) ** 2) + ways.T @ ways + np.outer(drawn, drawn)
     known = np.linalg.solve(np.eye(len(names)) + known @ variance, known)
     known = 0.5 * (known + known.T)
     is_place, hidden = variables.is_place[sizes], []

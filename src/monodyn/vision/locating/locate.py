@@ -7,24 +7,16 @@ and the refinement repeated on the better masks.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from monodyn.cores import on_all_cores
-from monodyn.mechanism import Mechanism
-from monodyn.types import Camera, Progress
-from monodyn.vision.drawing.camera import PARAMETERS, X, with_values
+from monodyn.vision.drawing.camera import PARAMETERS, with_values
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.outline import covered_pixels
-from monodyn.vision.drawing.rig import (
-    SHOWN_KINDS,
-    SIZE_KINDS,
-    longest_reach,
-    rig_of,
-    root_slides,
-)
+from monodyn.vision.drawing.rig import SIZE_KINDS
 from monodyn.vision.drawing.shutter import Shutter
 from monodyn.vision.foreground.masks import GeomColours, Masks
 from monodyn.vision.locating.advice import scene_advice, twin_advice
@@ -34,9 +26,9 @@ from monodyn.vision.locating.bundle import SETTLE, Bundle, KeyMasks, refine
 from monodyn.vision.locating.coarse import reconsidered, refined_coarsely, variables_of
 from monodyn.vision.locating.colours import geom_colours
 from monodyn.vision.locating.doubt import doubt_of
+from monodyn.vision.locating.ends import with_seen_ends
 from monodyn.vision.locating.everywhere import poses_everywhere
 from monodyn.vision.locating.exactness import exactness_of
-from monodyn.vision.locating.grow import SceneStart
 from monodyn.vision.locating.keyframes import KeyFrames, key_frames
 from monodyn.vision.locating.knowledge import hidden_advice, hidden_places, size_information
 from monodyn.vision.locating.mixing import lit_sizes
@@ -44,10 +36,10 @@ from monodyn.vision.locating.oblique import Looking, looking, open_turns
 from monodyn.vision.locating.places import with_departed, without_names, without_unseen
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import SceneGuess, left_shares, search_poses, search_scene
+from monodyn.vision.locating.sought import STEPS, Sought, refined_names, whole_variables
 from monodyn.vision.locating.unit import in_metres, scaled, units_per_metre
-from monodyn.vision.locating.variables import SIDES, SceneVariables
+from monodyn.vision.locating.variables import SceneVariables
 from monodyn.vision.locating.widths import rewidened
-from monodyn.vision.settings import LocateSettings
 
 FEWEST = 3
 """Frames, besides a quarter of all, without which a choice of frames says nothing."""
@@ -56,71 +48,12 @@ REFINED = 3
 SAME_SHARE, SAME_LENGTH = 1e-3, 0.02
 """Difference of the shares of the foreground that two guesses leave, and of their lengths as a share, up to
 which they ended in one place."""
-STEPS = 10
-"""Steps that the search reports."""
 MARGIN_PX = 3.0
 """Band around the located mechanism that does not count as background either [px]."""
 FINE = EdgeSearch(np.array([8.0, 7.0, 6.0, 5.0, 5.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0]), 3.0)
 """How they are looked for in the whole pictures after that [px]."""
 LAST = EdgeSearch(np.array([5.0, 4.0, 4.0, 4.0, 3.0, 3.0, 3.0, 3.0]), 3.0)
 """How they are looked for over the better background [px]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Sought:
-    """What is to be located.
-
-    Attributes:
-        masks: The soft foreground of the clip.
-        mechanism: Topology, shape kinds and start sizes; its fixed parameters stay as they are.
-        settings: How the search goes.
-        fix: Values of ``camera.*`` parameters that must stay.
-        free: ``camera.*`` parameters to estimate in addition to x, y and depth.
-        progress: Called as the steps go.
-    """
-
-    masks: Masks
-    mechanism: Mechanism
-    settings: LocateSettings
-    fix: Mapping[str, float]
-    free: Sequence[str]
-    progress: Progress
-
-    def step(self, done: int) -> None:
-        """Say that so many of the ``STEPS`` of the search are done.
-
-        Args:
-            done: How many.
-        """
-        self.progress("locate", done, STEPS)
-
-    @property
-    def start_camera(self) -> Camera:
-        """The camera that the search starts from."""
-        video = self.masks.video
-        focal = self.settings.focal or float(max(video.width, video.height))
-        return with_values(Camera(video.width, video.height, focal), dict(self.fix))
-
-    @property
-    def pinned(self) -> frozenset[str]:
-        """Parameters that may not change."""
-        held = [p for p in self.mechanism.parameters if not p.free and not p.follows]
-        # thicknesses of bodies of given mass are held in an identification, but nobody measured them
-        told = [p.name for p in held if p.kind != "thickness" or p.name in self.mechanism.chosen]
-        return frozenset([*self.fix, *told])
-
-    @property
-    def start(self) -> SceneStart:
-        """Mechanism and camera that the search starts from, in units of the distance from the camera."""
-        camera, mechanism = self.start_camera, self.mechanism
-        if "camera.depth" in self.fix:
-            factor = 1.0 / camera.depth
-        else:
-            factor = 1.0 / longest_reach(rig_of(mechanism, camera))
-        camera = replace(camera, x=camera.x * factor, y=camera.y * factor, depth=1.0)
-        # without a scale a place in metres says nothing of where things are in the picture
-        open_places = set() if "camera.depth" in self.fix else {"camera.x", "camera.y"}
-        return SceneStart(scaled(mechanism, factor), camera, self.pinned - open_places)
 
 
 def find_scene(sought: Sought) -> Scene:
@@ -132,7 +65,7 @@ def find_scene(sought: Sought) -> Scene:
     Returns:
         The scene.
     """
-    masks, settings, start = sought.masks, sought.settings, sought.start
+    masks, settings, start, unit = sought.masks, sought.settings, sought.start, sought.unit
     names = refined_names(sought)
     sought.step(0)
     geoms = len(start.mechanism.shapes.radius)
@@ -159,7 +92,9 @@ def find_scene(sought: Sought) -> Scene:
     if tied is not bundle:
         guess = SceneGuess(tied.mechanism, tied.camera, tied.positions, np.zeros(len(rows)))
         tied = replace(tied, variables=whole_variables(sought, guess, start, names))
-    camera = camera_looks(sought, _whole(frames, rows), tied)
+    sought, ended = with_seen_ends(sought, _whole(frames, rows), tied, FINE)
+    start = replace(start, mechanism=scaled(sought.mechanism, unit))
+    camera = camera_looks(sought, _whole(frames, rows), ended)
     sought.step(7)
     poses = poses_everywhere(frames, camera.bundle, guess.positions if tied is bundle else None)
     del frames
@@ -183,6 +118,7 @@ def find_scene(sought: Sought) -> Scene:
         bundle, _ = with_departed(_whole(frames, rows), bundle, variables, FINE)
         camera = camera_looks(sought, _whole(frames, rows), bundle)
         bundle = camera.bundle
+    bundle = replace(bundle, alternatives=ended.alternatives)
     sought.step(STEPS)
     return found_scene(sought, masks, frames.only(rows), bundle, camera)
 
@@ -233,44 +169,6 @@ def _placed(sought: Sought, guess: SceneGuess) -> SceneGuess:
     metre = units_per_metre(guess.mechanism, guess.camera, sought.mechanism, sought.fix, sought.pinned)
     held = {name: value * metre for name, value in sought.fix.items() if name in ("camera.x", "camera.y")}
     return replace(guess, camera=with_values(guess.camera, held))
-
-
-def whole_variables(
-    sought: Sought, guess: SceneGuess, start: SceneStart, names: Sequence[str]
-) -> SceneVariables:
-    """Return what is refined of a guess on whole pictures, before a camera that may come to be turned.
-
-    Args:
-        sought: The mechanism, and what is known of the camera.
-        guess: Where the refinement starts.
-        start: The mechanism of the file, in the same unit.
-        names: The parameters that the pictures determine.
-
-    Returns:
-        The variables.
-    """
-    # a place of the camera that the user gave is that of the camera itself
-    given = {"camera.x", "camera.y", "camera.depth"} & {*sought.fix}
-    variables = variables_of(guess, start, names)
-    return replace(variables, focal=start.camera.focal, about_origin=not given)
-
-
-def refined_names(sought: Sought) -> list[str]:
-    """List the parameters that the pictures determine.
-
-    Args:
-        sought: The mechanism, and what is known of the camera.
-
-    Returns:
-        Their names.
-    """
-    mechanism = sought.mechanism
-    shown = [p for p in mechanism.parameters if p.kind in (*SHOWN_KINDS, SIDES) and not p.follows]
-    names = [p.name for p in shown if p.name not in sought.pinned]
-    # where a slide of the root is zero is a matter of choice: the camera's place is held and fixes it
-    held = {"camera.x" if column == X else "camera.y" for _, column in root_slides(mechanism)}
-    cameras = [name for name in ("camera.x", "camera.y", "camera.depth") if name not in held]
-    return names + [name for name in cameras if name not in sought.fix]
 
 
 def _with_colours(masks: Masks, guess: SceneGuess) -> Masks:
@@ -371,7 +269,8 @@ def found_scene(
     pictures = [picture_of[frame.index] for frame in judged.frames]
     lit = lit_sizes(whole, pictures, masks.background, bundle, rows)
     exact = exactness_of(whole, bundle, np.array(rows))
-    bundle, looks = replace(exact.of(bundle), lit=lit), replace(looks, doubted=exact.of(looks.doubted))
+    bundle = replace(exact.of(bundle), alternatives=(*bundle.alternatives, lit))
+    looks = replace(looks, doubted=exact.of(looks.doubted))
     names = bundle.variables.names
     sizes = [p.name for p in bundle.mechanism.parameters if p.kind in SIZE_KINDS and not p.follows]
     # a single size that is held, or the depth, pins the common scale

@@ -246,7 +246,7 @@ def _gain(found: Bundle, before: Bundle, held: Bundle) -> float:
 
     Before a telephoto lens both sides look alike, so that a few edges may prefer one that hardly anybody has.
     """
-    return _fall(found, before) - _unusual(found, held) + _unusual(before, held)
+    return fall(found, before) - _unusual(found, held) + _unusual(before, held)
 
 
 def _unusual(found: Bundle, held: Bundle) -> float:
@@ -259,15 +259,20 @@ def _unusual(found: Bundle, held: Bundle) -> float:
     return off
 
 
-def _fall(found: Bundle, before: Bundle) -> float:
-    """Return by how much the squared residuals have fallen, over the variance of an edge."""
-    lost = []
-    for bundle in (before, found):
-        # a sample without an edge is at least as far off as an edge may be
-        missed = (1.0 - bundle.matched) * MATCHED_PX**2
-        # an outline that left the picture has no samples: both count with those of the one before
-        lost.append(before.samples @ (bundle.matched * bundle.rms_px**2 + missed))
-    return float(lost[0] - lost[1]) / NOISE_PX**2
+def fall(found: Bundle, before: Bundle) -> float:
+    """Return by how much the squared residuals have fallen, over the variance of an edge.
+
+    Args:
+        found: A refinement.
+        before: Another one of the same key frames, whose number of samples counts.
+    """
+    # a sample without an edge is at least as far off as an edge may be; an outline that left the picture
+    # has no samples: both count with those of the one before
+    after, since = (
+        bundle.matched * bundle.rms_px**2 + (1.0 - bundle.matched) * MATCHED_PX**2
+        for bundle in (found, before)
+    )
+    return float(before.samples @ (since - after)) / NOISE_PX**2
 
 
 def turned_by(found: Bundle, before: Bundle, names: Sequence[str]) -> float:
