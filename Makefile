@@ -9,12 +9,16 @@ PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 # the matrices are small: more threads only wait for each other
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test check lowest highest fmt lint types docs bench fuzz clean
+# every ten seconds how far a command is that says nothing itself
+SAYING = while sleep 10 >/dev/null 2>&1; do echo "  ... $$(du -sm .venv | cut -f1) of 1300 MB"; done & trap "kill $$!" EXIT;
+
+.PHONY: demo test check lowest highest fmt lint types docs pictures bench fuzz clean
 
 $(READY): pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11")'
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@echo "Installing Monodyn, with all that its tests and tools need, into .venv: 1.3 GB, one to five minutes."
+	@$(SAYING) $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off -e '.[dev]'
 	$(BIN)/monodyn warm  # once, by two processes: tests that run side by side would compile the same
 	touch $@
 
@@ -27,7 +31,7 @@ test: $(READY)  ## all tests but the slow ones: two to three minutes on two core
 check: $(READY)  ## exactly what CI runs: format, lint, types, all tests; MONODYN_DATA names a folder with recordings
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/pyright
+	$(BIN)/pyright  # says nothing for a minute
 	$(PYTEST)
 
 # The oldest and the newest versions that pyproject.toml admits, with this Python: the demo and the tests in an
@@ -37,7 +41,7 @@ highest: RESOLUTION = highest
 lowest highest:
 	$(PYTHON) -m venv --clear .venv-$@
 	.venv-$@/bin/python -m pip install --quiet --disable-pip-version-check uv
-	.venv-$@/bin/uv pip install --quiet --python .venv-$@ --resolution $(RESOLUTION) -e '.[dev]'
+	.venv-$@/bin/uv pip install --python .venv-$@ --resolution $(RESOLUTION) -e '.[dev]'
 	.venv-$@/bin/uv pip freeze --python .venv-$@
 	NUMBA_CACHE_DIR=$(CURDIR)/.venv-$@/numba .venv-$@/bin/monodyn demo --out .venv-$@/demo
 	NUMBA_CACHE_DIR=$(CURDIR)/.venv-$@/numba .venv-$@/bin/python -m pytest -n $(JOBS) --dist loadfile $(TESTS)
@@ -50,10 +54,13 @@ lint: $(READY)
 	$(BIN)/ruff check .
 
 types: $(READY)
-	$(BIN)/pyright
+	$(BIN)/pyright  # says nothing for a minute
 
 docs: $(READY)  ## check that the documentation says what the code does
 	$(BIN)/python -m pytest tests/test_docs.py tests/test_architecture.py tests/test_messages.py
+
+pictures: $(READY)  ## the pictures of the README, from a run of the bundled clip; needs chromium
+	$(BIN)/python examples/make_pictures.py
 
 bench: $(READY)  ## accuracy and growth (need MONODYN_DATA), speed, next to mujoco.sysid too, and streams: ten minutes
 	@if test -n "$$MONODYN_DATA"; then $(BIN)/python benchmarks/accuracy.py && $(BIN)/python benchmarks/published.py \

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 
 import monodyn
@@ -55,6 +57,19 @@ def made_fit(**changes: Any) -> Fit:
         at = count + k * len(own) + np.arange(len(own))
         covariance[np.ix_(at, at)] = own
     return replace(fit, covariance=covariance, tied=())
+
+
+def noisy_film(path: Path, size: tuple[int, int] = (96, 64), count: int = 90) -> Path:
+    """Write a film of noise, which no encoder makes small, 30 pictures a second."""
+    rng = np.random.default_rng(3)
+    with av.open(str(path), "w") as container:
+        stream: Any = container.add_stream("libx264", rate=30, options={"crf": "18"})
+        stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
+        for _ in range(count):
+            noise = rng.integers(0, 256, (size[1], size[0], 3), dtype=np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(noise, "rgb24")))
+        container.mux(stream.encode())
+    return path
 
 
 def record(fit: Fit, count: int = 30) -> Poses:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import re
+import shlex
 from importlib import import_module
 from pathlib import Path
 
@@ -19,8 +20,13 @@ from monodyn.settings_file import run_toml
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "monodyn"
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+README = ROOT / "README.md"
+PAGES = {
+    str(page.relative_to(ROOT)): page.read_text(encoding="utf-8")
+    for page in (README, *sorted((ROOT / "docs").glob("*.md")))
+}
+"""What users read, by its path."""
+ARCHITECTURE = PAGES["docs/architecture.md"]
 
 AXES = (
     "row column sample record piece knot term step entry key pose picture plane colour channel pixel geom "
@@ -98,8 +104,22 @@ def rules() -> Rules:
 
 
 def shell_lines() -> list[str]:
-    blocks = re.findall(r"```sh\n(.*?)```", README, re.DOTALL)
+    blocks = [block for page in PAGES.values() for block in re.findall(r"```sh\n(.*?)```", page, re.DOTALL)]
     return [line.strip() for block in blocks for line in block.splitlines() if line.strip()]
+
+
+def command_lines() -> list[str]:
+    """List the command lines of the pages, and those in a sentence or a table that are whole."""
+    inside = [line for page in PAGES.values() for line in re.findall(r"`(monodyn [^`]+ --\w+ [^`]+)`", page)]
+    blocks = [line.partition(" > ")[0] for line in shell_lines() if line.startswith("monodyn ")]
+    # words in capitals are what a reader puts there
+    return sorted({*blocks, *(line for line in inside if not re.search(r"\b[A-Z]{2,}\b", line))})
+
+
+def anchors(text: str) -> set[str]:
+    """Return where links into a page can lead: its headings, as they are shown on a forge."""
+    heads = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", head.lower()).replace(" ", "-") for head in heads}
 
 
 @pytest.mark.parametrize("name", monodyn.__all__)
@@ -138,37 +158,50 @@ def test_a_docstring_that_lacks_something_is_found() -> None:
         assert any(complaint in line for line in found), (old, found)
 
 
-@pytest.mark.parametrize("line", [line for line in shell_lines() if line.startswith("monodyn ")])
-def test_commands_in_the_readme_parse(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("line", command_lines())
+def test_commands_in_the_pages_parse(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("run").mkdir()
     written = run_toml("run", {"clip": "clip.mp4", "model": "double.xml"}, RunSettings())
     Path("run/run.toml").write_text(written, encoding="utf-8")
-    command, *words = line.split()[1:]
+    command, *words = shlex.split(line)[1:]
     assert command in COMMANDS
     assert isinstance(parsed(command, words), COMMANDS[command][0])
 
 
-def test_make_targets_in_the_readme_exist() -> None:
+def test_make_targets_in_the_pages_exist() -> None:
     targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
-    named = set(re.findall(r"`make (\w+)`", README)) | {
+    named = set(re.findall(r"`make (\w+)`", "".join(PAGES.values()))) | {
         line.split()[1] for line in shell_lines() if line.startswith("make ")
     }
-    assert {"demo", "test", "check", "fmt", "bench", "docs"} <= named <= targets
+    assert {"demo", "test", "check", "fmt", "bench", "docs", "pictures"} <= named <= targets
 
 
-def test_files_in_the_readme_exist() -> None:
-    named = set(re.findall(r"(?:examples|docs)/[\w./]+", README))
-    assert named
+@pytest.mark.parametrize("name", PAGES)
+def test_links_of_the_pages_lead_somewhere(name: str) -> None:
+    for link in re.findall(r"\]\(([^)]+)\)", PAGES[name]):
+        path, _, anchor = link.partition("#")
+        target = (ROOT / name).parent / path if path else ROOT / name
+        assert path.startswith("https://") or target.exists(), link
+        assert not anchor or anchor in anchors(target.read_text(encoding="utf-8")), link
+
+
+def test_every_page_is_reached_from_the_readme() -> None:
+    named = set(re.findall(r"(?:examples|docs)/[\w./]+", README.read_text(encoding="utf-8")))
+    assert {name for name in PAGES if name.startswith("docs/")} <= named
     assert all((ROOT / name).exists() for name in named)
 
 
-@pytest.mark.parametrize(
-    "page", [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))], ids=lambda page: page.name
-)
-def test_every_row_of_a_table_has_the_cells_of_its_head(page: Path) -> None:
+def test_the_readme_is_short_and_its_pictures_are_small() -> None:
+    """A page that is read in a few minutes, over any line."""
+    assert README.stat().st_size <= 10_000
+    assert all(path.stat().st_size < 3_000_000 for path in (ROOT / "docs" / "pictures").iterdir())
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_row_of_a_table_has_the_cells_of_its_head(name: str) -> None:
     """What stands after the last bar of a row is shown nowhere."""
-    for table in re.findall(r"(?:^\|.*\n)+", page.read_text(encoding="utf-8"), re.MULTILINE):
+    for table in re.findall(r"(?:^\|.*\n)+", PAGES[name], re.MULTILINE):
         rows = table.splitlines()
         bars = {len(re.findall(r"(?<!\\)\|", row)) for row in rows}
         assert len(bars) == 1, rows[0]
@@ -176,7 +209,7 @@ def test_every_row_of_a_table_has_the_cells_of_its_head(page: Path) -> None:
 
 
 def test_the_page_on_filming_shows_its_pictures() -> None:
-    page = (ROOT / "docs" / "filming.md").read_text(encoding="utf-8")
+    page = PAGES["docs/filming.md"]
     shown = set(re.findall(r"\]\((filming/\w+\.jpg)\)", page))
     assert shown == {f"filming/{path.name}" for path in (ROOT / "docs" / "filming").iterdir()}
     # good and bad side by side
@@ -192,20 +225,20 @@ def test_the_readme_of_the_benchmarks_names_every_script() -> None:
 
 
 def test_verbs_in_the_documents_exist() -> None:
-    for name in re.findall(r"monodyn\.(\w+)\(", README + ARCHITECTURE):
+    for name in re.findall(r"monodyn\.(\w+)\(", "".join(PAGES.values())):
         assert name in monodyn.__all__
 
 
-def test_the_run_folder_in_the_readme_is_the_one_written() -> None:
+def test_the_run_folder_in_its_page_is_the_one_written() -> None:
     from monodyn.results.folder import DRAWN, FILES
 
-    table = README.split("### The run folder")[1].split("\n### ")[0]
+    table = PAGES["docs/folder.md"].split("## Files")[1].split("\n## ")[0]
     # of the models that are drawn the first stands for all
     assert set(re.findall(r"`(\w+\.\w+)`", table)) == {*FILES} - {*DRAWN[1:]}
 
 
 def test_equations_name_functions_and_tests_that_exist():
-    text = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8")
+    text = PAGES["docs/equations.md"]
     rows = [line.split(" | ") for line in text.splitlines() if line.startswith("| ") and " | `" in line]
     assert len(rows) >= 25
     for row in rows:

@@ -12,15 +12,18 @@ import pytest
 import monodyn
 from browser import AXES, HIDDEN, INK, WIDTHS, chromium, fills_its_cards, opened, resized
 from experiments import moved, repetition
-from fits import identified, record
+from fits import identified, noisy_film, record
 from lives import double, followed
 from monodyn.live.meter import Meter
 from monodyn.live.view import View
 from monodyn.reproduce.claims import claims
 from monodyn.reproduce.experiment import figures
 from monodyn.reproduce.page import PageContent, page_text
+from monodyn.results.findings import Findings
+from monodyn.results.page import page_text as report_text
 from monodyn.results.predict import predict
 from monodyn.results.predicted import Wanted, predict_run
+from monodyn.results.trace import trace_of
 
 pytestmark = pytest.mark.slow
 PAGES = ("report.html", "prediction.html", "reproduce.html")
@@ -58,6 +61,24 @@ def test_plots_fill_their_cards_at_every_width_and_no_column_is_lost(browser, pa
         assert fills_its_cards(page), width
         assert page.evaluate("document.documentElement.scrollWidth") == width
         assert page.evaluate(HIDDEN) == 0, width
+    assert page.wrong == []
+
+
+def test_a_report_plays_its_film_at_every_width(browser, tmp_path):
+    fit = identified()
+    text = report_text(
+        Findings(fit, [trace_of(fit, record(fit))], "x"), (noisy_film(tmp_path / "film.mp4"), b"")
+    )
+    (tmp_path / "report.html").write_text(text, encoding="utf-8")
+    page = opened(browser, tmp_path / "report.html")
+    for width in (1280, 390):
+        resized(page, width)
+        page.wait_for_function("document.querySelector('video').currentTime > 0.1")
+        # the film comes first, and fits in
+        box = page.evaluate("document.querySelector('video').getBoundingClientRect().toJSON()")
+        assert 0.0 < box["x"] < box["right"] < width
+        assert box["y"] < 300.0
+        assert page.evaluate("document.documentElement.scrollWidth") == width
     assert page.wrong == []
 
 

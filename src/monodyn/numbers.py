@@ -32,6 +32,24 @@ def number(value: float | None, std: float | None = None) -> str:
     return f"{value:.{min(max(digits, 2), 8)}g}".replace("-", "−")
 
 
+def plus_minus(value: float, half: float) -> str:
+    """Return a number with half of its interval: two digits of that where it begins below 3.55, else one.
+
+    Args:
+        value: The number.
+        half: Half of its interval; 0 of a number that is exact.
+
+    Example:
+        >>> plus_minus(0.24001, 0.0008), plus_minus(0.46497, 0.00191)
+        ('0.2400 ± 0.0008', '0.4650 ± 0.0019')
+    """
+    if not half > 0.0:
+        return number(value)
+    power = math.floor(math.log10(half))
+    decimals = max(0, (half < 3.55 * 10.0**power) - power)
+    return f"{value:.{decimals}f} ± {half:.{decimals}f}".replace("-", "−")
+
+
 def is_whole(text: str) -> bool:
     """Return whether a text is a whole number in the digits 0 to 9, without a sign.
 

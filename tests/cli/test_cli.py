@@ -118,9 +118,9 @@ def test_identified_model_moves_like_the_prediction(demo: Done) -> None:
     assert mujoco.MjModel.from_xml_path(str(demo.folder / "model.urdf")).nq == 2
 
 
-def test_the_report_shows_pictures_and_camera(demo: Done) -> None:
+def test_the_report_shows_film_and_camera(demo: Done) -> None:
     text = (demo.folder / "report.html").read_text(encoding="utf-8")
-    assert text.count("data:image/jpeg;base64,") == 3
+    assert text.count("data:image/jpeg;base64,") == text.count("<video") == 1
     assert "Camera" in text
     assert "210 of 210" in text
 

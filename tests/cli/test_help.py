@@ -13,8 +13,8 @@ from typing import Literal, get_args, get_origin
 
 import pytest
 
-from monodyn.cli import HELP
 from monodyn.cli.options import COMMANDS
+from monodyn.cli.pages import usage
 from monodyn.cli.table import CONFIG, listed
 from support import command
 
@@ -88,7 +88,7 @@ def test_what_is_usual_and_what_is_required_is_said() -> None:
 
 
 def test_the_list_of_commands_is_whole() -> None:
-    listed_there = re.findall(r"^  ([a-z]+)  +[a-z]", HELP, re.MULTILINE)
+    listed_there = re.findall(r"^  ([a-z]+)  +[a-z]", usage(), re.MULTILINE)
     assert listed_there == list(COMMANDS)
 
 

@@ -16,6 +16,7 @@ from fits import made_fit, record
 from monodyn.cli import show as shown
 from monodyn.cli.show import progress_on, show, show_models
 from monodyn.estimation.fit import Doubt
+from monodyn.estimation.parts import Premise
 from monodyn.mechanism import BUNDLED, load
 from monodyn.pipeline import Outcome
 from monodyn.results.findings import Findings, fit_document
@@ -41,24 +42,53 @@ def words(text: str) -> list[list[str]]:
 
 LEFT = "Predictions stay within 5 deg over all of the 60 s that were looked at."
 """What is said of the prediction of a fit whose parameters are exact."""
+LENGTH = "length from its hinge to the next one, or to its end"
+DAMPING = "damping viscous friction: torque by rate"
+INERTIA = (
+    "J inertia of a body about its own hinge, with the mass of all that",
+    "hangs on it at the next hinge",
+)
+"""What names and symbols mean, where they stand."""
 
 
 def test_a_fit_is_shown_as_tables_status_and_advice(capsys: pytest.CaptureFixture[str]) -> None:
     assert show(outcome(), as_json=False, quiet=False) == 0
-    assert words(capsys.readouterr().out) == [
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:5] == [
+        "Trusted. Identified from 20 frames.",
+        "One link, 20.00 ± 0.20 cm; damping over inertia 0.1235 ± 0.0025 at joint1 (95 %).",
+        LEFT,
+        "- Measure <b>one</b> mass & be done.",
+        "- Light it better.",
+    ]
+    assert words("\n".join(lines[5:])) == [
         ["parameter", "value", "95", "%", "interval", "unit"],
         ["link1.length", "0.2", "0.198", "to", "0.202", "m"],
         ["joint1.damping", "0.001", "not", "determined", "N", "m", "s/rad"],
+        LENGTH.split(),
+        DAMPING.split(),
         ["combination", "value", "standard", "deviation", "unit"],
         ["joint1.damping", "/", "link1.J", "0.1235", "0.0012"],
+        *(line.split() for line in INERTIA),
         ["joint", "fit", "rms", "prediction", "rms", "unit"],
         ["joint1", "0.0573", "0.0573", "deg"],
-        LEFT.split(),
-        ["Trusted.", "Identified", "from", "20", "frames."],
-        ["-", "Measure", "<b>one</b>", "mass", "&", "be", "done."],
-        ["-", "Light", "it", "better."],
         ["report:", "run/report.html"],
     ]
+
+
+def test_what_all_results_rest_on_is_in_the_report_and_not_on_the_terminal(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The same three sentences stood under every result."""
+    found = outcome(advice=(Premise("Lengths follow from gravity."), "Film it again."))
+    assert show(found, as_json=False, quiet=False) == 0
+    printed = capsys.readouterr().out
+    assert "- Film it again." in printed
+    assert "Lengths follow" not in printed
+    show(found, as_json=True, quiet=False)
+    document = json.loads(capsys.readouterr().out)
+    assert document["premises"] == ["Lengths follow from gravity."]
+    assert set(document["premises"]) <= set(document["advice"])
 
 
 def test_a_parameter_is_held_or_at_its_bound(capsys: pytest.CaptureFixture[str]) -> None:
@@ -143,6 +173,25 @@ def test_progress_is_a_few_lines_where_there_is_no_terminal(monkeypatch: pytest.
         assert nothing is None
 
 
+def test_what_is_heard_of_nothing_yet_is_told_of_with_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Imports and what is compiled before the first step; no step that was over at once has a line."""
+    clock = iter(range(0, 1000, 6))
+    monkeypatch.setattr(shown.time, "perf_counter", lambda: float(next(clock)))
+    monkeypatch.setattr(shown, "IN_COMPILER", ["planar"])
+    stream = io.StringIO()
+    lines = shown._ProgressLines(stream)
+    lines.close()
+    with lines._turn:
+        lines._print_if_due(12.0)
+    lines("background", 0, 210)
+    lines("track", 210, 210)
+    lines.end()
+    assert stream.getvalue().splitlines() == [
+        "starting, 12 s, compiling",
+        "track: 210 of 210, 35/s, compiling",
+    ]
+
+
 def test_a_step_that_is_not_heard_of_is_told_of_all_the_same() -> None:
     stream, told = io.StringIO(), threading.Event()
     lines = shown._ProgressLines(stream, every=0.02)
@@ -192,7 +241,9 @@ def test_a_refused_fit_says_so_before_its_numbers(capsys: pytest.CaptureFixture[
     }
     show(replace(said, document=document), as_json=False, quiet=False)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[:3] == [
+    assert lines[0] == "Refused. Identified from 20 frames."
+    first = lines.index("What acts at the joints, the likeliest first:")
+    assert lines[first : first + 3] == [
         "What acts at the joints, the likeliest first:",
         "- friction: it is.",
         "A refused fit tells nothing of the mechanism: neither values nor intervals are to be relied on.",

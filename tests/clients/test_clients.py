@@ -114,9 +114,9 @@ def test_mujoco_follows_the_tables_from_the_keyframe(runs: dict[str, Path], tabl
 
 
 @pytest.mark.slow
-def test_the_lines_of_the_readme_drive_the_model(runs: dict[str, Path]) -> None:
-    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    (lines,) = (block for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "mjcb" in block)
+def test_the_lines_of_the_page_drive_the_model(runs: dict[str, Path]) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "simulators.md").read_text(encoding="utf-8")
+    (lines,) = (block for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "mjcb" in block)
     names: dict[str, Any] = {}
     exec(lines.replace('"run/', f'"{runs["driven"]}/'), names)
     states = handed_over.columns(runs["driven"] / "states.csv")

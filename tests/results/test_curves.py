@@ -9,6 +9,7 @@ import pytest
 
 from fits import made_fit, record
 from monodyn.mechanism import load
+from monodyn.results import curves
 from monodyn.results.curves import motion_curves, torque_curves
 from monodyn.results.predict import predict
 from monodyn.results.torques import Torques
@@ -57,3 +58,18 @@ def test_a_slide_is_shown_in_millimetres() -> None:
         (1000.0, "mm"),
         (pytest.approx(57.29578), "deg"),
     ]
+
+
+def test_long_records_are_drawn_by_fewer_points_that_belong_together(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With 20,000 rows a page was larger than a mailbox takes."""
+    monkeypatch.setattr(curves, "MOST", 10)
+    fit = made_fit()
+    poses = record(fit)
+    (plot,) = motion_curves(fit, trace_of(fit, poses, predict(fit, times=poses.time[20:])), several=False)
+    np.testing.assert_allclose(plot["time"], poses.time[::3], atol=1e-6)
+    assert len(plot["observed"]) == 10
+    fitted = plot["fitted"]
+    assert {len(fitted[name]) for name in ("time", "value", "upper", "lower", "error", "error_time")} == {10}
+    np.testing.assert_allclose(fitted["time"], poses.time[:20:2], atol=1e-6)

@@ -104,7 +104,7 @@ def test_film_keeps_the_stamps_and_the_size(make_clip: ClipMaker, tmp_path: Path
     video = read(make_clip("clip.mkv", stamps=stamps, base=Fraction(1, 600), size=(63, 47), pixel="yuv444p"))
     seen: list[int] = []
     film = tmp_path / "overlay.mp4"
-    pictures = write_overlay(
+    middle = write_overlay(
         film, video, motion(12, (63, 47), 9).drawing, progress=lambda step, done, total: seen.append(done)
     )
     drawn = read(film)
@@ -112,9 +112,7 @@ def test_film_keeps_the_stamps_and_the_size(make_clip: ClipMaker, tmp_path: Path
     # stamps in mkv are whole milliseconds
     assert np.allclose(drawn.times, np.array(stamps) / 600, atol=6e-4)
     assert seen == list(range(1, 13))
-    assert [caption.split(",")[0] for _, caption in pictures] == ["Frame 0", "Frame 5", "Frame 11"]
-    assert pictures[0][1].endswith("fitted")
-    assert pictures[2][1].endswith("predicted")
+    assert cv2.imdecode(np.frombuffer(middle, np.uint8), 1).shape == (47, 63, 3)
 
 
 @pytest.mark.parametrize(("begin", "first"), [(5.0, 5.0), (-1.0, 0.0), (1.7e9, 0.0)])

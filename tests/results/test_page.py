@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import re
 from dataclasses import replace
 from pathlib import Path
 
+import av
 import numpy as np
+import pytest
 
-from fits import made_fit, record
+from fits import made_fit, noisy_film, record
 from monodyn.estimation.fit import Doubt
+from monodyn.estimation.parts import Premise
 from monodyn.mechanism import load
 from monodyn.results import page
 from monodyn.results.findings import Findings
@@ -22,7 +27,10 @@ def test_page_says_status_and_advice_first_and_escapes() -> None:
     fit = made_fit()
     trace = trace_of(fit, record(fit), predict(fit, until=1.2), name="<i>clip</i>")
     text = page_text(Findings(fit, [trace], "<script>alert(1)</script>", notes=("A & B",)))
-    assert text.index("<strong>Trusted. Identified from 20 frames.") < text.index("What is known")
+    found = "One link, 20.00 ± 0.20 cm; damping over inertia 0.1235 ± 0.0025 at joint1 (95 %)."
+    found = found.replace(" ± ", "\u00a0±\u00a0")
+    order = ["<strong>Trusted. Identified from 20 frames.", found, "<h2>Motion</h2>", "What is known"]
+    assert sorted(order, key=text.index) == order
     assert "Measure &lt;b&gt;one&lt;/b&gt; mass &amp; be done." in text
     assert "<script>alert(1)" not in text
     assert "A &amp; B" in text
@@ -34,6 +42,44 @@ def test_errors_have_two_digits_and_three_from_ten_on() -> None:
     slide, hinge = (joint.name for joint in cart.joints)
     assert page._errors(cart.joints, {slide: 0.00123456, hinge: np.radians(12.345)}) == "1.2 mm · 12.3°"
     assert page._errors(cart.joints, {slide: 0.14632, hinge: None}) == "146 mm · –"
+
+
+def test_the_page_begins_with_its_film_and_is_no_larger_than_a_mailbox_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However long the film is: what does not fit in is left out, and that is said."""
+    fit = made_fit()
+    findings = Findings(fit, [trace_of(fit, record(fit))], "x")
+    alone, film = len(page_text(findings)), noisy_film(tmp_path / "overlay.mp4")
+    for room, said in ((film.stat().st_size * 2, False), (film.stat().st_size // 2, True)):
+        monkeypatch.setattr(page, "LARGEST", alone + room)
+        text = page_text(findings, (film, b"a still"))
+        assert len(text.encode()) <= alone + room
+        assert text.index("<video") < text.index("<strong>Trusted.") < text.index("<h2>Motion</h2>")
+        cut = re.search(r"Here the first [12] s; <code>overlay.mp4</code> has all of it\.", text)
+        assert bool(cut) is said
+        data = re.search('src="data:video/mp4;base64,([^"]*)"', text)
+        assert data
+        with av.open(io.BytesIO(base64.b64decode(data[1]))) as shown:
+            assert len(list(shown.decode(video=0))) >= 20
+    monkeypatch.setattr(page, "LARGEST", alone)
+    text = page_text(findings, (film, b"a still"))
+    assert "<video" not in text
+    assert '<img src="data:image/jpeg;base64,YSBzdGlsbA=="' in text
+
+
+def test_premises_stand_once_and_last() -> None:
+    said = Premise("Lengths follow from gravity.")
+    text = page_text(Findings(made_fit(advice=(said, "Measure it.")), [], "x"))
+    assert text.count(said) == 1
+    assert said in section(text, "What all this rests on")
+    assert "Measure it." in section(text, "What is not known")
+
+
+def test_friction_stands_among_what_is_known_as_it_is_known() -> None:
+    known = section(page_text(Findings(made_fit(), [], "x")), "What is known, and how well")
+    assert '<code>joint1.damping / link1.J</code></td><td data-title="value">0.1235</td>' in known
+    assert "damping over inertia, at joint1" in known
 
 
 def section(text: str, title: str) -> str:

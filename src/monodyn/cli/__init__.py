@@ -17,44 +17,6 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any
 
-HELP = """Usage: monodyn COMMAND ...
-
-A clip of a planar mechanism in, a simulator of it out.
-
-Commands:
-  run         track a clip, identify the mechanism, predict, write the run folder
-  live        follow and identify a mechanism while a camera, a stream or a clip plays
-  track       track a clip and write poses.csv
-  identify    identify a mechanism from tables of joint positions
-  predict     predict how the mechanism of a run moves, from any state or moment
-  control     design a controller for the mechanism of a run, and simulate it
-  demo        run the clip that is installed with the program
-  warm        compile what runs need, once after installing
-  models      list the bundled mechanisms
-  completion  print a script by which bash, zsh or fish completes command lines
-  reproduce   repeat the experiment of the 2012 paper and write a page about it
-
-Examples:
-  monodyn run clip.mp4 --model double.xml --out run
-  monodyn run clip.mp4 --model chain:3 --out run --fit-frames 0:120 --fix gravity=9.81
-  monodyn run --config run/run.toml --out again
-  monodyn live 0 --model double.xml --view 8000 --out run
-  monodyn identify run/poses.csv --model run --out fit
-  monodyn predict run --from joint1=0.5,joint2=0 --until 5 --out ahead --film
-  monodyn control run --at joint1=1.5708 --actuated slide --out balance
-
-monodyn COMMAND --help shows the options of a command that most people need, --help-all all of them.
-
-Exit codes:
-  0    done
-  1    the fit is refused
-  2    bad input or usage
-  70   an error of Monodyn itself
-  129  the terminal was closed
-  130  interrupted
-  143  ended by SIGTERM
-"""
-
 SIGNALLED = 128
 """The exit code of a program that a signal has ended is this much more than the number of the signal."""
 INTERRUPT = 2
@@ -162,11 +124,11 @@ def _dispatch(words: list[str], *, own: bool) -> int:
 
     if not words or words[0] in ("-h", "--help", "--help-all", "help", "-V", "--version"):
         import monodyn
-        from monodyn.cli.pages import fitted
+        from monodyn.cli.pages import fitted, usage
 
         with printing():
             version = bool(words) and words[0] in ("-V", "--version")
-            print(f"monodyn {monodyn.__version__}\n" if version else fitted(HELP), end="")
+            print(f"monodyn {monodyn.__version__}\n" if version else fitted(usage()), end="")
         return 0 if words else 2
     # a process that ends need not search all that it holds for circles, which takes a third of a second
     atexit.register(gc.freeze)
@@ -205,8 +167,8 @@ def _dispatch(words: list[str], *, own: bool) -> int:
             note_owners_before()
     if compiled_before():
         return options.go()
-    if not getattr(options, "quiet", True) and sys.stderr.isatty():
-        _fail("functions are compiled at first use, which takes minutes; monodyn warm does it beforehand.")
+    if not getattr(options, "quiet", True):
+        _fail(COMPILING)
     if words[0] not in SEEING:
         return options.go()
     from monodyn.cli.warming import compiling_beside
@@ -215,6 +177,8 @@ def _dispatch(words: list[str], *, own: bool) -> int:
         return options.go()
 
 
+COMPILING = "the inner loops are compiled now, once: two to five minutes on two idle cores."
+"""What is said before the first use."""
 SEEING = ("run", "live", "demo", "warm")
 """Commands that need all that is compiled: what sees, and what identifies."""
 LISTING = "models"

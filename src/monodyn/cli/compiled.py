@@ -8,6 +8,9 @@ import sys
 import tempfile
 from pathlib import Path
 
+IN_COMPILER: list[object] = []
+"""What the compiler is at, the innermost last."""
+
 
 def keep_compiled() -> str:
     """Choose a temporary folder for compiled functions when the usual ones cannot be written.

@@ -6,6 +6,7 @@ A word that is none of the choices may be a file.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 from monodyn.choices import AUTO, BUNDLED_FILES
@@ -18,52 +19,8 @@ Choices = tuple[str, ...] | None
 MODELS = (AUTO, *BUNDLED_FILES, "chain:3")
 """Bundled mechanisms, which ``--model`` takes besides files."""
 
-BASH = r"""# monodyn for bash: eval "$(monodyn completion bash)"
-_monodyn() {
-  local words= cur=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}
-  # --method=fast is three words for bash
-  [ "$before" = = ] && before=${COMP_WORDS[COMP_CWORD-2]}
-  [ "$cur" = = ] && cur=
-  if [ "$COMP_CWORD" = 1 ]; then
-    words='@COMMANDS@'
-  else
-    case "${COMP_WORDS[1]} $before" in
-@VALUES@
-    *)
-      case "${COMP_WORDS[1]} $cur" in
-@OPTIONS@
-      esac ;;
-    esac
-  fi
-  COMPREPLY=($(compgen -W "$words" -- "$cur"))
-}
-complete -o default -F _monodyn monodyn
-"""
-
-ZSH = r"""#compdef monodyn
-# monodyn for zsh: eval "$(monodyn completion zsh)" after compinit, or as the file _monodyn in the fpath
-_monodyn() {
-  local before=$words[CURRENT-1]
-  local -a found
-  if [[ $PREFIX == --*=* ]]; then
-    before=${PREFIX%%=*}
-    compset -P 1 '*='
-  fi
-  if (( CURRENT == 2 )); then
-    found=(@COMMANDS@)
-  else
-    case "$words[2] $before" in
-@VALUES@
-    (*)
-      case "$words[2] $PREFIX" in
-@OPTIONS@
-      esac ;;
-    esac
-  fi
-  compadd -a found || _files
-}
-if [[ $funcstack[1] == _monodyn ]]; then _monodyn "$@"; else compdef _monodyn monodyn; fi
-"""
+LINES = {"bash": "{}) words='{}' ;;", "zsh": "({}) found=({}) ;;"}
+"""A choice of words in the script of each shell, which stands beside this file."""
 
 
 def completion(shell: Shell) -> str:
@@ -81,7 +38,7 @@ def completion(shell: Shell) -> str:
         for option, choices in found.items():
             if choices:
                 values.setdefault(choices, []).append(f"'{command} {option}'")
-    text, line = (BASH, "{}) words='{}' ;;") if shell == "bash" else (ZSH, "({}) found=({}) ;;")
+    text, line = (Path(__file__).parent / f"completion.{shell}").read_text(encoding="utf-8"), LINES[shell]
     case = ["    " + line.format("|".join(at), " ".join(choices or ())) for choices, at in values.items()]
     names = ["      " + line.format(f"'{name} -'*", " ".join(found)) for name, found in options.items()]
     text = text.replace("@COMMANDS@", " ".join((*options, "--help", "--version")))

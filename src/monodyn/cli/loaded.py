@@ -17,12 +17,14 @@ from functools import wraps
 from typing import Any
 
 from llvmlite import binding
-from numba.core import dispatcher, environment
+from numba.core import dispatcher, environment, event
 from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.environment import Environment
 from numba.core.registry import cpu_target
 from numba.core.runtime.nrt import rtsys
+
+from monodyn.cli.compiled import IN_COMPILER
 
 OBJECT = "object"
 """How numba names the functions that it keeps as code of the machine."""
@@ -88,8 +90,29 @@ class CalledCache(FunctionCache):
             return self._load_overload(sig, target_context)
 
 
+class Noted(event.Listener):
+    """Notes what is compiled while it is: progress says why it stands still."""
+
+    def on_start(self, event: Any) -> None:
+        """Note that the compiler begins.
+
+        Args:
+            event: At what.
+        """
+        IN_COMPILER.append(event)
+
+    def on_end(self, event: Any) -> None:
+        """Note that it has ended.
+
+        Args:
+            event: At what.
+        """
+        IN_COMPILER.pop()
+
+
 def load_to_call() -> None:
-    """Have this process load compiled functions as what is called."""
+    """Have this process load compiled functions as what is called, and note what is compiled."""
+    event.register("numba:compile", Noted())
     context: Any = cpu_target.target_context
     context.codegen()._library_class = CalledLibrary
     # what they call to take memory, which numba would register before it loads the first of them

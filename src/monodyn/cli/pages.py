@@ -6,6 +6,7 @@ import re
 import shutil
 import textwrap
 from collections.abc import Iterable
+from pathlib import Path
 
 WIDEST, LEAST = 100, 24
 """Columns of a page: longer lines are hard to read; a narrower terminal breaks them itself."""
@@ -13,6 +14,11 @@ NARROW = 64
 """Columns below which the second column stands under the first, not beside it."""
 
 TOGETHER = "\N{NO-BREAK SPACE}"
+
+
+def usage() -> str:
+    """Return the page of all commands, its lines as long as they are."""
+    return (Path(__file__).parent / "help.txt").read_text(encoding="utf-8")
 
 
 def width() -> int:

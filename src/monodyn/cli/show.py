@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from monodyn.cli.compiled import IN_COMPILER
 from monodyn.types import Progress
 
 if TYPE_CHECKING:
@@ -77,10 +79,17 @@ def _bars(stream: TextIO, width: int) -> Iterator[Progress]:
         BarColumn,
         MofNCompleteColumn,
         Progress,
+        ProgressColumn,
         SpinnerColumn,
         TextColumn,
         TimeRemainingColumn,
     )
+    from rich.text import Text
+
+    class Pace(ProgressColumn):
+        def render(self, task: Any) -> Text:
+            pace = task.fields["speed"] if task.finished or not IN_COMPILER else "compiling"
+            return Text(f"{pace:>9}")
 
     columns = (
         # it turns while a step takes long
@@ -88,15 +97,18 @@ def _bars(stream: TextIO, width: int) -> Iterator[Progress]:
         TextColumn("{task.description:<12}"),
         BarColumn(bar_width=max(1, min(32, width - BESIDE))),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[speed]:>9}"),
+        Pace(),
         TimeRemainingColumn(compact=True),
     )
     begun: dict[str, tuple[Any, float]] = {}
     with Progress(
         *columns, console=Console(file=stream, stderr=True, width=width), refresh_per_second=8
     ) as bars:
+        # until something else is heard of
+        first = bars.add_task("starting", total=None, speed="")
 
         def progress(step: str, done: int, total: int | None) -> None:
+            bars.update(first, visible=False)
             if step not in begun:
                 begun[step] = (bars.add_task(step, total=total, speed=""), time.perf_counter())
             task, start = begun[step]
@@ -118,7 +130,7 @@ class _ProgressLines:
 
     def __init__(self, stream: TextIO, every: float = 10.0) -> None:
         self.stream, self.every = stream, every
-        self.step, self.done, self.total = "", 0, None
+        self.step, self.done, self.total = "starting", 0, None
         self.begun = self.printed = time.perf_counter()
         self._turn, self._closed = threading.Lock(), threading.Event()
         threading.Thread(target=self._watch, name="progress", daemon=True).start()
@@ -153,7 +165,8 @@ class _ProgressLines:
             self._print_line(now)
 
     def _end(self, now: float) -> None:
-        if self.step:
+        # nothing is said of a step that was over at once
+        if self.step and self.done:
             self._print_line(now)
         self.step = ""
 
@@ -162,9 +175,10 @@ class _ProgressLines:
         share = f"{self.done}" if self.total is None else f"{self.done} of {self.total}"
         spent = now - self.begun
         parts = [
-            f"{self.step}: {share}",
+            f"{self.step}: {share}" if self.done else self.step,
             _speed(self.done, spent),
             f"{spent:.0f} s" if spent > self.every else "",
+            "compiling" if IN_COMPILER else "",
         ]
         print(", ".join(part for part in parts if part), file=self.stream, flush=True)
 
@@ -265,6 +279,21 @@ def _print_fit(outcome: Outcome) -> None:
 
     out = console()
     document, fit = outcome.document, outcome.fit
+    # the status of an approximate fit says so itself
+    grade = "" if document["grade"] == "approximate" else f"{document['grade'].capitalize()}. "
+    out.print(f"{grade}{document['status']}", style=STYLES[document["grade"]], markup=False)
+    if document["summary"]:
+        out.print(document["summary"], markup=False)
+    if document["horizon"]:
+        count = len(document["horizon"])
+        # null is beyond all that was looked at
+        shortest = min(document["horizon"], key=lambda row: known_or(row["seconds"], math.inf))
+        which = f"Of {count} records the shortest: " if count > 1 else ""
+        out.print(f"{which}{shortest['said']}", markup=False)
+    # what all results rest on stands in the report
+    for sentence in document["advice"]:
+        if sentence not in document["premises"]:
+            out.print(f"- {sentence}", markup=False)
     _print_comparison(out, document["comparison"])
     if document["tried_torques"]:
         out.print("What acts at the joints, the likeliest first:")
@@ -275,22 +304,24 @@ def _print_fit(outcome: Outcome) -> None:
     names = set() if fit is None else {row.name for row in listed_rows(fit)}
     if names:
         out.print(_parameters([row for row in document["parameters"] if row["name"] in names]))
+        _print_meanings(out, "parameters", names)
     if document["combinations"]:
         out.print(_combinations(document["combinations"]))
+        _print_meanings(out, "symbols", {row["name"] for row in document["combinations"]})
     out.print(_errors(outcome))
-    if document["horizon"]:
-        count = len(document["horizon"])
-        # null is beyond all that was looked at
-        shortest = min(document["horizon"], key=lambda row: known_or(row["seconds"], math.inf))
-        which = f"Of {count} records the shortest: " if count > 1 else ""
-        out.print(f"{which}{shortest['said']}", markup=False)
-    # the status of an approximate fit says so itself
-    grade = "" if document["grade"] == "approximate" else f"{document['grade'].capitalize()}. "
-    out.print(f"{grade}{document['status']}", style=STYLES[document["grade"]], markup=False)
-    for sentence in document["advice"]:
-        out.print(f"- {sentence}", markup=False)
     if outcome.folder is not None:
         out.print(f"report: {outcome.folder}/report.html", markup=False)
+
+
+def _print_meanings(out: Any, what: str, names: Collection[str]) -> None:
+    """Print what the last words of names mean, each once."""
+    from monodyn.cli.pages import two_columns
+    from monodyn.results.summary import meanings
+
+    ends = {word.rpartition(".")[2] for name in names for word in re.split(r"[ ^]", name)}
+    rows = [(word, said) for word, said in meanings()[what].items() if word in ends]
+    for line in two_columns(rows, 13):
+        out.print(line, markup=False)
 
 
 def plain_table(*columns: str, left: int = 1) -> Table:

@@ -11,6 +11,11 @@ import numpy as np
 from monodyn.arrays import Frozen, frozen
 
 
+class Premise(str):
+    """A sentence of advice on what values rest on, which is the same for all records of its kind: it stands
+    once in the report, and not under every result."""
+
+
 @dataclass(frozen=True)
 class Combination:
     """A function of several parameters that the motion fixes.

@@ -25,23 +25,7 @@ LAMP = np.array([-0.35, 0.56, 0.75]) / np.linalg.norm([-0.35, 0.56, 0.75])
 AMBIENT = 0.35
 """Light on a face that looks away from the lamp, as a share of the most."""
 
-MODEL = """
-<mujoco>
-  <option gravity="0 0 -9.81" integrator="RK4" timestep="{step}"/>
-  <worldbody>
-    <body name="link1">
-      <joint name="joint1" type="hinge" axis="0 -1 0" damping="{damping[0]}"/>
-      <geom type="box" size="{half[0]} {thick[0]} {wide[0]}" pos="{half[0]} 0 0" density="{density}"
-       contype="0" conaffinity="0"/>
-      <body name="link2" pos="{length[0]} -{layer} 0">
-        <joint name="joint2" type="hinge" axis="0 -1 0" damping="{damping[1]}"/>
-        <geom type="box" size="{half[1]} {thick[1]} {wide[1]}" pos="{half[1]} 0 0" density="{density}"
-         contype="0" conaffinity="0"/>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>
-"""
+MODEL = (Path(__file__).parent / "rods.xml").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)

@@ -31,21 +31,7 @@ from monodyn.reproduce.vision import see
 from monodyn.stages import segment
 from monodyn.types import Camera, Progress
 
-START = """<mujoco model="double">
-  <!-- The topology of the clip. Every size is wrong on purpose: the methods find the true ones. -->
-  <option gravity="0 0 -9.81"/>
-  <worldbody>
-    <body name="link1">
-      <joint name="joint1" type="hinge" axis="0 -1 0" damping="0.001"/>
-      <geom type="box" size="0.05 0.002 0.01" pos="0.05 0 0" density="2700"/>
-      <body name="link2" pos="0.1 -0.006 0">
-        <joint name="joint2" type="hinge" axis="0 -1 0" damping="0.001"/>
-        <geom type="box" size="0.05 0.002 0.01" pos="0.05 0 0" density="2700"/>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>
-"""
+START = (Path(__file__).parent / "start.xml").read_text(encoding="utf-8")
 """The mechanism file that both methods are given."""
 WARMING = ClipSettings(
     pendulum=Pendulum(length=(0.34, 0.02), width=(0.04, 0.04)),

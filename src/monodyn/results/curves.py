@@ -23,6 +23,8 @@ BAND = 1.96
 """Standard deviations from the middle of a 95 % band to its edge."""
 DOTS = 40
 """Dots by which a planned way is shown."""
+MOST = 5_000
+"""Points of a curve: more than a screen has columns; with 20,000 a page of two joints was 8 MB."""
 _NO_ERROR = (np.zeros(0), np.zeros(0))
 
 
@@ -205,5 +207,6 @@ def _band(
 
 
 def _list(values: np.ndarray) -> list[float | None]:
-    """Return numbers short enough for a figure; unknown ones as null."""
-    return [float(f"{v:.6g}") if math.isfinite(v) else None for v in np.asarray(values, dtype=float).tolist()]
+    """Return numbers short enough, and few enough, for a figure; unknown ones as null."""
+    shown = np.asarray(values, dtype=float)[:: max(1, -(-len(values) // MOST))]
+    return [float(f"{v:.6g}") if math.isfinite(v) else None for v in shown.tolist()]

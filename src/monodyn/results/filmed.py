@@ -123,7 +123,7 @@ def write_film(
     frames: Sequence[int],
     progress: Progress | None,
     motion: States | None = None,
-) -> list[tuple[bytes, str]]:
+) -> bytes:
     """Write ``overlay.mp4``.
 
     A refused fit is not drawn: its film shows the tracked poses alone.
@@ -138,7 +138,7 @@ def write_film(
             has no other pictures; None works it out.
 
     Returns:
-        The first, middle and last frame as JPEG files, each with a caption.
+        Its middle frame as a JPEG file.
     """
     from monodyn.results.fill import fill
     from monodyn.results.gaps import filled
@@ -163,14 +163,14 @@ def write_film(
         filmed.sight,
         through,
     )
-    pictures: list[tuple[bytes, str]] = []
+    stills: list[bytes] = []
     folder.write(
         "overlay.mp4",
-        lambda path: pictures.extend(
+        lambda path: stills.append(
             write_overlay(path, video, drawn.drawing, begin=float(video.times[0]), progress=progress)
         ),
     )
-    return pictures
+    return stills[0]
 
 
 def write_sight_film(folder: RunFolder, sight: Sight, progress: Progress | None = None) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from monodyn.choices import Tolerance
+from monodyn.estimation.parts import Premise
 from monodyn.mechanism.dimensions import MASS_KINDS
 from monodyn.mechanism.torques import LAG
 from monodyn.results.export import jsonable
@@ -18,6 +19,7 @@ from monodyn.results.filmed import Filmed
 from monodyn.results.gaps import filled
 from monodyn.results.horizon import Horizon, horizon_of, horizon_said
 from monodyn.results.log import Compared, RunLog
+from monodyn.results.summary import summary
 from monodyn.results.trace import Trace
 from monodyn.types import Poses
 
@@ -120,6 +122,11 @@ class Findings:
         return [*(doubt.reason for doubt in self.fit.doubts[1:]), *self.fit.advice, *self.notes, *drawn]
 
     @property
+    def premises(self) -> list[str]:
+        """The sentences of the advice that are the same for all records of their kind."""
+        return [sentence for sentence in self.advice if isinstance(sentence, Premise)]
+
+    @property
     def comparison(self) -> Sequence[Compared]:
         """The mechanisms that were tried, the chosen one first; none where the user named it."""
         return () if self.log is None else self.log.comparison
@@ -158,7 +165,9 @@ def fit_document(findings: Findings) -> dict[str, Any]:
             "grade": fit.grade,
             "ok": fit.ok,
             "doubts": [asdict(doubt) for doubt in fit.doubts],
+            "summary": summary(fit),
             "advice": findings.advice,
+            "premises": findings.premises,
             "torque": fit.torque,
             "drive": _drive_document(fit),
             "acting": list(fit.acting),

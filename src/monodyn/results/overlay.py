@@ -226,7 +226,7 @@ def write_overlay(
     *,
     begin: float = 0.0,
     progress: Progress | None = None,
-) -> list[tuple[bytes, str]]:
+) -> bytes:
     """Write the clip with the mechanism drawn over it, H.264 with the steps of the clip's own time stamps.
 
     A clip of more than ``FASTEST`` frames a second is shown at that rate.
@@ -240,7 +240,7 @@ def write_overlay(
         progress: Called with the number of frames written.
 
     Returns:
-        The first, middle and last frame as JPEG files, each with a caption.
+        The middle frame as a JPEG file.
 
     Raises:
         OSError: the film cannot be written.
@@ -248,7 +248,7 @@ def write_overlay(
     import av
     import av.error
 
-    stills: list[tuple[bytes, str]] = []
+    stills: list[bytes] = []
     slower = max(1.0, 1.0 / (FASTEST * _step(video)))
     try:
         with av.open(
@@ -269,7 +269,7 @@ def write_overlay(
             container.mux(stream.encode())
     except av.error.FFmpegError as error:
         raise OSError(error.errno, error.strerror or str(error)) from error
-    return stills
+    return stills[0] if stills else b""
 
 
 def encoded_picture(planes: np.ndarray) -> Any:
@@ -289,15 +289,13 @@ def encoded_picture(planes: np.ndarray) -> Any:
 
 
 def _pictures(
-    video: Video, drawing_of: Callable[[Frame], Drawing], stills: list[tuple[bytes, str]]
+    video: Video, drawing_of: Callable[[Frame], Drawing], stills: list[bytes]
 ) -> Generator[tuple[float, np.ndarray]]:
-    """Make the time and the planes of each picture; ``stills`` takes the first, middle and last one."""
-    kept = {0, (video.count - 1) // 2, video.count - 1}
+    """Make the time and the planes of each picture; ``stills`` takes the middle one."""
     for frame in video.frames():
-        drawing = drawing_of(frame)
-        planes = draw(frame, drawing)
-        if frame.index in kept:
-            stills.append((_jpeg(planes, frame), f"Frame {frame.index}, {drawing.caption}"))
+        planes = draw(frame, drawing_of(frame))
+        if frame.index == (video.count - 1) // 2:
+            stills.append(_jpeg(planes, frame))
         yield frame.time, planes
 
 

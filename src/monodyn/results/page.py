@@ -1,4 +1,4 @@
-"""A fit and its motion as one self-contained page: advice first, then angles, pictures and tables.
+"""A fit and its motion as one self-contained page: film and verdict first, then plots, then tables.
 
 The page needs no network: the plotting script in ``plotly-basic``, the smallest build of plotly.js as it is
 published, is written into it.
@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,67 +18,35 @@ import numpy as np
 
 from monodyn.mechanism.tree import BRAKES
 from monodyn.numbers import number, short, shown_in
-from monodyn.results.curves import camera_curves, motion_curves, torque_curves
-from monodyn.results.findings import REFUSED, Findings, frames_of, listed_rows, openness
+from monodyn.results.curves import MOST, camera_curves, motion_curves, torque_curves
+from monodyn.results.embedded import embedded
+from monodyn.results.findings import REFUSED, Findings, listed_rows, openness
 from monodyn.results.gaps import how_filled
-from monodyn.results.horizon import Horizon, allowed, horizon_said, lasts
+from monodyn.results.horizon import Horizon, horizon_said
 from monodyn.results.next_steps import Step, next_steps
+from monodyn.results.summary import frictions, meanings, summary
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
     from monodyn.estimation.fit import Estimate, Fit
+    from monodyn.estimation.parts import Combination
     from monodyn.mechanism import Joint
     from monodyn.results.filmed import Filmed
     from monodyn.results.log import RunLog
 
 
-MEANINGS = {
-    "length": "from its hinge to the next one, or to its end",
-    "width": "across, in the picture",
-    "thickness": "along the line of sight; stands for a mass",
-    "tail": "how far it reaches back beyond its own hinge",
-    "tip": "how far it reaches beyond the next hinge",
-    "extent": "of a further part, along its own direction",
-    "along": "middle of a further part, along the body",
-    "across": "middle of a further part, across the body",
-    "turn": "of a further part against the body",
-    "offset": "how far it stands before its parent body",
-    "density": "mass by volume",
-    "mass": "of the body",
-    "com_x": "centre of mass from its hinge, along the body",
-    "com_y": "centre of mass from its hinge, across the body",
-    "inertia": "about its centre of mass",
-    "damping": "viscous friction: torque by rate",
-    "friction": "dry friction: the same at all rates",
-    "drag": "friction by the square of the rate",
-    "air": "drag of the air on its link",
-    "lead": "time by which dry friction turns ahead of the rate",
-    "stiffness": "of a spring at the joint",
-    "rest": "where that spring is slack",
-    "armature": "inertia of a rotor at the joint",
-    "period": "of the torque",
-    "torque": "coefficient of the torque",
-    "lag": "how much later than in their log torques act",
-    "gravity": "downward",
-    "time_scale": "true time by stamped time",
-    "roll": "turn of the camera about its axis",
-}
-"""What parameters are, by their kind."""
-OPEN = {
-    "factor": "known up to the factor of all masses",
-    "combined": "known in combinations alone",
-    "open": "not determined by this motion",
-    "held": "held: torques would make up for any other",
-}
-"""What is left open of parameters that are not known."""
 REPORT = ("monodyn.results", "report.html.j2")
 """The template of the report: where it is, and its name."""
+FILM = "<!-- film -->"
+"""Where the report has its film."""
+LARGEST, AROUND = 8_000_000, 2_000
+"""Letters of a page that a mailbox and a phone take; those of the film's part besides film and picture."""
 
 
 def page_text(
     findings: Findings,
-    pictures: Sequence[tuple[bytes, str]] = (),
+    film: tuple[Path, bytes] | None = None,
     diagnosis: bytes | None = None,
     files: Sequence[str] = (),
     steps: Sequence[Step] | None = None,
@@ -86,7 +55,7 @@ def page_text(
 
     Args:
         findings: The fit, its records and what else is reported about it.
-        pictures: JPEG files with a caption each.
+        film: The film of the clip and one of its pictures, a JPEG file; None has none.
         diagnosis: What was seen of the clip, a JPEG file; None leaves it out.
         files: Names of the files that stand next to the page.
         steps: What one can do next, from ``next_steps``; None works it out.
@@ -106,13 +75,16 @@ def page_text(
     open_ways = openness(fit)
     # the rest goes into a part of the page that is folded up
     others = [row for row in fit.parameters if not row.free and row not in listed]
-    return template(*REPORT).render(
+    ratios = [row for rows in frictions(fit).items() for row in _ratios(fit, *rows)]
+    page = template(*REPORT).render(
         title=findings.title,
         subtitle=findings.subtitle,
         status=str(fit.status),
         grade=fit.grade,
         refused=REFUSED,
-        advice=findings.advice,
+        summary=summary(fit),
+        advice=[sentence for sentence in findings.advice if sentence not in findings.premises],
+        premises=findings.premises,
         comparison=findings.comparison,
         tried_torques=findings.fit.tried_torques,
         facts=_facts(findings),
@@ -121,27 +93,64 @@ def page_text(
         camera=camera,
         # free torques contain the friction that the mechanism has no parameters for
         any_filled=any(plot["filled"] and plot["filled"]["time"] for plot in plots),
+        thinned=MOST if any(len(trace.poses) > MOST for trace in traces) else 0,
         motion_band=any(np.isfinite(t.states.std).any() for t in traces),
         torque_band=any(t.torques is not None and np.isfinite(t.torques.std).any() for t in traces),
         with_friction=not any(row.value for row in fit.mechanism.parameters if row.kind in BRAKES),
-        pictures=[
-            {"data": base64.b64encode(data).decode("ascii"), "caption": caption} for data, caption in pictures
-        ],
-        diagnosis="" if diagnosis is None else base64.b64encode(diagnosis).decode("ascii"),
+        film=film is not None,
+        diagnosis="" if diagnosis is None else _text_of(diagnosis),
         known=[_parameter(row, kinds) for row in listed if row.identifiable],
+        frictions=ratios,
         sized="length" in kinds.values(),
         unknown=[_parameter(row, kinds, open_ways) for row in listed if not row.identifiable],
         others=[_parameter(row, kinds) for row in others],
         combinations=[
             {"name": c.name, "value": number(c.value, c.std), "std": short(c.std), "unit": c.unit}
             for c in fit.combinations
+            if c.name not in {row["name"] for row in ratios}
         ],
+        symbols=_symbols(fit),
         horizons=[_trusted(findings, number, found) for number, found in enumerate(findings.horizons)],
         steps=next_steps(findings) if steps is None else steps,
         files=files,
         cards=_cards(findings),
         plotly=Markup(plotting_script() if plots or camera else ""),
     )
+    if film is None:
+        return page
+    # text of others cannot have the mark: it is escaped
+    head, rest = page.split(FILM)
+    return f"{head}{_film(*film, fit.grade, LARGEST - len((head + rest).encode()))}{rest}"
+
+
+def _film(path: Path, poster: bytes, grade: str, room: int) -> str:
+    """Return the film as a part of the page, of at most so many letters."""
+    still = _text_of(poster)
+    data, shown = embedded(path, max(0, (room - len(still) - AROUND) // 4 * 3))
+    return template(REPORT[0], "film.html.j2").render(
+        data=_text_of(data), poster=still, grade=grade, shown=shown
+    )
+
+
+def _text_of(data: bytes) -> str:
+    return base64.b64encode(data).decode("ascii")
+
+
+def _ratios(
+    fit: Fit, what: str, rows: Sequence[tuple[str, Estimate | Combination]]
+) -> Iterator[dict[str, Any]]:
+    """Yield the lines of a friction that is known against an inertia, for the table of what is known."""
+    for joint, row in rows:
+        if row in fit.combinations:
+            interval = f"{number(row.lower, row.std)} to {number(row.upper, row.std)}"
+            value = {"value": number(row.value, row.std), "interval": interval, "unit": row.unit}
+            yield {"name": row.name, **value, "meaning": f"{what}, at {joint}"}
+
+
+def _symbols(fit: Fit) -> dict[str, str]:
+    """Return what the symbols of the combinations mean."""
+    text = " ".join(one.name for one in fit.combinations)
+    return {word: said for word, said in meanings()["symbols"].items() if re.search(rf"\.{word}\b", text)}
 
 
 @cache
@@ -187,7 +196,7 @@ def _parameter(
     if row.at_bound:
         source = "at its bound"
     elif not row.identifiable:
-        source = OPEN[(ways or {}).get(row.name, "held")]
+        source = meanings()["open"][(ways or {}).get(row.name, "held")]
     else:
         source = "estimated"
     return {
@@ -198,7 +207,7 @@ def _parameter(
         "free": row.free,
         "source": source,
         "flag": row.at_bound,
-        "meaning": MEANINGS.get(kinds.get(row.name, ""), ""),
+        "meaning": meanings()["parameters"].get(kinds.get(row.name, ""), ""),
     }
 
 
@@ -218,19 +227,10 @@ def _facts(findings: Findings) -> list[dict[str, str]]:
             facts.append(
                 {"value": f"{known.frames}", "label": f"frames filled, within {_errors(joints, band)} (95 %)"}
             )
-    if len(traces) == 1:
-        first, stop = frames_of(traces[0])
-        facts.append({"value": f"{first} to {stop - 1}", "label": "frames used for the fit"})
-        joints = fit.mechanism.joints
-        facts.append({"value": _errors(joints, fit.rms), "label": "fit error, rms by joint"})
-        heldout = traces[0].heldout()
-        if any(value is not None for value in heldout.values()):
-            facts.append({"value": _errors(joints, heldout), "label": "prediction error, rms by joint"})
-        if findings.horizons:
-            within = allowed(fit.mechanism, findings.tolerance)
-            facts.append({"value": lasts(findings.horizons[0]), "label": f"prediction within {within}"})
-    if findings.log is not None:
-        facts.append({"value": f"{sum(findings.log.seconds.values()):.1f} s", "label": "computing time"})
+    heldout = traces[0].heldout() if len(traces) == 1 else {}
+    if any(value is not None for value in heldout.values()):
+        said = _errors(fit.mechanism.joints, heldout)
+        facts.append({"value": said, "label": "prediction error, rms by joint"})
     return facts
 
 

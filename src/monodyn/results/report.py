@@ -90,30 +90,31 @@ def write_results(
                 return
             made[name] = parts[name]()
 
-    def film(go_on: Callable[[], None]) -> list[tuple[bytes, str]]:
+    def film(go_on: Callable[[], None]) -> bytes:
         drawn = _filmed(folder, findings, progress, go_on)
         # where there is none, or a short one, two threads make the rest
         make_rest(go_on)
         return drawn
 
-    with beside(film) as pictures:
+    with beside(film) as drawn:
         make_rest()
-        stills = pictures()
+        poster = drawn()
     # what is written after the page is in the folder, too, when it is read
     log = findings.log
     logs = [] if log is None else [*([RUN_TOML] if log.run_toml else []), "run.json"]
-    page = page_text(findings, stills, made["diagnosis"], [*folder.written, *logs], made["steps"])
+    shown = (folder.stage / "overlay.mp4", poster) if poster else None
+    page = page_text(findings, shown, made["diagnosis"], [*folder.written, *logs], made["steps"])
     folder.write_text("report.html", page)
     return made["document"]
 
 
 def _filmed(
     folder: RunFolder, findings: Findings, progress: Progress | None, go_on: Callable[[], None]
-) -> list[tuple[bytes, str]]:
-    """Write the film of a clip; return a few of its pictures for the report."""
+) -> bytes:
+    """Write the film of a clip; return one of its pictures, nothing where there is no film."""
     filmed = findings.filmed
     if filmed is None or not (filmed.sight is None or filmed.sight.filmed):
-        return []
+        return b""
 
     def drawn(step: str, done: int, total: int | None) -> None:
         go_on()

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monodyn.estimation.fit import Estimate
+from monodyn.estimation.parts import Premise
 from monodyn.estimation.shooting.unknowns import Unknowns
 from monodyn.estimation.verdict import gravity
 from monodyn.estimation.verdict.uncertainty import NoiseFactors
@@ -266,8 +267,10 @@ def clock(mechanism: Mechanism, parameters: Sequence[Estimate]) -> list[str]:
     if not any(p.kind == "length" for p in mechanism.parameters if p.name in free):
         return []
     return [
-        "Lengths follow from gravity and take the time stamps for real time: in a clip k times slower than "
-        "life they come out k^2 times too long."
+        Premise(
+            "Lengths follow from gravity and take the time stamps for real time: in a clip k times slower "
+            "than life they come out k^2 times too long."
+        )
     ]
 
 
@@ -283,9 +286,11 @@ def taken_gravity(mechanism: Mechanism) -> list[str]:
     taken = mechanism.values["gravity"]
     std = gravity.GRAVITY_STD * taken
     return [
-        f"Gravity in the plane of motion is taken to be {taken:.4g} +- {std:.2g} m/s^2, which "
-        "the intervals of what follows from it contain; --fix gravity=VALUE [m/s^2] gives that of the place "
-        "exactly."
+        Premise(
+            f"Gravity in the plane of motion is taken to be {taken:.4g} +- {std:.2g} m/s^2, which the "
+            "intervals of what follows from it contain; --fix gravity=VALUE [m/s^2] gives that of the place "
+            "exactly."
+        )
     ]
 
 

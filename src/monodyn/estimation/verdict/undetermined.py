@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from monodyn.estimation.fit import Estimate
+from monodyn.estimation.parts import Premise
 from monodyn.estimation.shooting.unknowns import CENTRE_KINDS
 from monodyn.estimation.wording import listed
 from monodyn.mechanism import Mechanism
@@ -54,8 +55,10 @@ def open_parameters(
         )
     elif masses:
         advice.append(
-            f"The motion fixes {listed(masses, 12)} only in ratios (see the combinations); one of them, "
-            "measured and given with --fix, fixes the mass scale."
+            Premise(
+                f"The motion fixes {listed(masses, 12)} only in ratios (see the combinations); one of them, "
+                "measured and given with --fix, fixes the mass scale."
+            )
         )
     if lengths:
         advice.append(_open_lengths(lengths))
