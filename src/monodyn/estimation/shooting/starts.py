@@ -106,7 +106,7 @@ def _nearest(problem: Problem, motion: SmoothMotion, sides: int | None = 1) -> n
 
 
 def from_sides(problem: Problem, x: np.ndarray) -> list[np.ndarray]:
-    """Return a start, then the same with gravity from each other side of the picture.
+    """Return a start, then those with gravity from each other side of the picture, (param,) each.
 
     Args:
         problem: The problem; where its unknowns lack the roll, the start stays alone.
