@@ -10,7 +10,9 @@ The outline's size is the diameter of the circle with the mechanism's usual area
 are the joints and the far end, of a ball on a thread its centre; outside of the picture they do not count. A
 frame shows a point when its row is exposed. The values are the lengths, the widths that are wide enough to be
 seen, and the camera's turns. What is true where it is not one number: of a thread that stretches any length
-that it has during the clip; of a swing in an ellipse, whose plane turns, no yaw of the camera. A length is
+that it has during the clip; where a pivot gives way that no picture shows, that of the thread, that to the
+point about which the ball swings, and any between; of a swing in an
+ellipse, whose plane turns, no yaw of the camera. A length is
 that in space, whatever the plane. Masses and frictions are not judged: the scale of masses is assumed, and
 what an imperfection adds to friction has no true value.
 """
@@ -232,8 +234,33 @@ def truths(draw: Draw, film: Film) -> dict[str, tuple[float, float]]:
     if draw.stretch:
         during = film.truth.qpos[film.truth.time >= 0.0, -1] + lengths(draw)["link1"]
         found["link1.length"] = (float(during.min()), float(during.max()))
+    if draw.pivot and (draw.kind == "ball" or draw.place != "inside"):
+        low, high = found["link1.length"]
+        swings = swing_length(film)
+        found["link1.length"] = (min(low, swings), max(high, swings))
     turns = zip(("roll", "pitch", "yaw"), np.radians(draw.case.turned), strict=True)
     found |= {f"camera.{turn}": (float(angle), float(angle)) for turn, angle in turns}
     if draw.ellipse:
         del found["camera.yaw"]
     return found
+
+
+def swing_length(film: Film) -> float:
+    """Return how far a ball is from where its thread, prolonged, passes the plumb line of its rest [m].
+
+    About that point it swings where its pivot gives way: its period is that of a pendulum of this length.
+
+    Args:
+        film: What drew it.
+    """
+    times = film.truth.time[film.truth.time >= 0.0]
+    ball, pivot = np.empty((2, len(times), 3))
+    for i, time in enumerate(times):
+        data = film.truth.at(float(time))
+        ball[i] = data.geom_xpos[film.truth.model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE][0]
+        pivot[i] = data.xpos[film.truth.model.body("link1").id]
+    thread = ball - pivot
+    aside = ball[:, :2] - ball[:, :2].mean(axis=0)
+    leans = thread[:, :2] / np.linalg.norm(thread, axis=1, keepdims=True)
+    leans = leans - leans.mean(axis=0)
+    return float(np.sum(aside * leans) / np.sum(leans**2))

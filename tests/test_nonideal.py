@@ -169,7 +169,7 @@ def test_what_comes_of_a_run(change: dict[str, Any], expected: str) -> None:
 
 
 def test_a_right_run_that_only_the_picture_check_refuses_is_lost() -> None:
-    row = {**GOOD, "grade": "refused", "doubts": [f"{CHECK} lies beside what moves."]}
+    row = {**GOOD, "grade": "refused", "doubts": [f"{CHECK[0]} lies beside what moves."]}
     assert lost_to_check({**row, **outcome(row)})
     row["doubts"].append("The motion is not explained.")
     assert not lost_to_check({**row, **outcome(row)})

@@ -12,7 +12,7 @@ import pytest
 from monodyn.mechanism import load
 from monodyn.types import Frame, Mask
 from monodyn.vision.clip.steady import NO_PARALLAX, CameraPath, Parallax, displaced
-from monodyn.vision.locating.parallax import find_past_parallax, parallax_of, sway_of
+from monodyn.vision.locating.parallax import find_past_parallax, parallax_of, scene_sway
 from pictures import CAMERA, drawn_mask, trusted
 from scenes import moved
 
@@ -57,11 +57,11 @@ def scene_of(share: float, *, still: bool = False, parallax: Parallax = NO_PARAL
 
 
 def test_the_sway_of_the_whole_mechanism_is_measured() -> None:
-    sway = sway_of(scene_of(0.3))
+    sway = scene_sway(scene_of(0.3))
     assert np.abs(sway.shift - 0.3 * SHIFTS).max() < 0.35
     size = np.sqrt(np.mean(np.sum((0.3 * SHIFTS) ** 2, axis=1)))
     assert sway.rms_px == pytest.approx(size, rel=0.25)
-    assert sway_of(scene_of(0.0)).rms_px < 0.15
+    assert scene_sway(scene_of(0.0)).rms_px < 0.15
 
 
 def test_the_parallax_is_what_it_has_in_common_with_the_way() -> None:

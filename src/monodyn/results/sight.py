@@ -259,9 +259,9 @@ class Sight:
         """How far the edges of key frames show the whole mechanism from where it was located, rms [px]."""
         if self.scene is None:
             return 0.0
-        from monodyn.vision.locating.parallax import sway_of
+        from monodyn.vision.locating.parallax import scene_sway
 
-        return sway_of(self.scene).rms_px
+        return scene_sway(self.scene).rms_px
 
     @property
     def mismatch(self) -> float:

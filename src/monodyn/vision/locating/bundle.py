@@ -86,6 +86,7 @@ class Bundle:
         inside: Mean coverage inside of the outline, (key frame,).
         samples: Outline samples at which an edge could be looked for, (key frame,).
         systematic_px: Standard deviation of a size that more key frames do not reduce [px].
+        sway_px: Standard deviation of the place of the whole mechanism in a key frame, next to its pose [px].
         alternatives: Changes of the variables, by name, that the pictures allow as well: if light was mixed
             before it was coded, or a body ends otherwise.
         unsettled: By how much the edges would still move each variable, (param,): what shows only where it
@@ -102,6 +103,7 @@ class Bundle:
     inside: np.ndarray
     samples: np.ndarray = field(default_factory=lambda: np.zeros(0))
     systematic_px: float = SYSTEMATIC_PX
+    sway_px: float = 0.0
     alternatives: tuple[Mapping[str, float], ...] = ()
     unsettled: np.ndarray = field(default_factory=lambda: np.zeros(0))
 

@@ -30,6 +30,7 @@ from monodyn.vision.drawing.rig import Rig, rig_of
 from monodyn.vision.drawing.shutter import swept_points
 from monodyn.vision.drawing.silhouette import blank_outlines, draw
 from monodyn.vision.locating.bundle import NOISE_PX, SYSTEMATIC_PX, Bundle, KeyMasks
+from monodyn.vision.locating.sway import sway_of
 
 REACH_PX, SPACING_PX = 4.0, 3.0
 """Length of the search to either side of the outline, and distance between its samples [px]."""
@@ -49,10 +50,12 @@ class Exactness:
     Attributes:
         noise_px: Standard deviation of an edge sample that more of them reduce [px].
         systematic_px: Standard deviation of a size that more of them do not reduce [px].
+        sway_px: How far the edges of a frame show the whole mechanism from where it was located [px].
     """
 
     noise_px: float = NOISE_PX
     systematic_px: float = SYSTEMATIC_PX
+    sway_px: float = 0.0
 
     def of(self, bundle: Bundle) -> Bundle:
         """Return a refinement with what it knows by this noise in place of that assumed for it.
@@ -62,7 +65,9 @@ class Exactness:
         """
         assumed = np.diag(bundle.variables.assumed)
         seen = (bundle.information - assumed) * (NOISE_PX / self.noise_px) ** 2
-        return replace(bundle, information=seen + assumed, systematic_px=self.systematic_px)
+        return replace(
+            bundle, information=seen + assumed, systematic_px=self.systematic_px, sway_px=self.sway_px
+        )
 
 
 def exactness_of(masks: KeyMasks, bundle: Bundle, rows: np.ndarray) -> Exactness:
@@ -88,10 +93,12 @@ def exactness_of(masks: KeyMasks, bundle: Bundle, rows: np.ndarray) -> Exactness
     places, away, weight = (np.concatenate(parts) for parts in zip(*found, strict=True))
     if not len(away):
         return Exactness(noise)
+    sway = sway_of(masks.planes, masks.view, rig, bundle.positions[rows])
     _, at = np.unique(places, axis=0, return_inverse=True)
     total = np.bincount(at.ravel(), weight)
     mean = np.bincount(at.ravel(), weight * away) / total
-    return Exactness(noise, max(SIDES * float(np.sqrt(total @ mean**2 / total.sum())), LEAST_PX))
+    same = SIDES * float(np.sqrt(total @ mean**2 / total.sum()))
+    return Exactness(noise, max(same, LEAST_PX), SIDES * sway.rms_px)
 
 
 def _half_ways(

@@ -8,6 +8,7 @@ import numpy as np
 
 from monodyn.mechanism import Measured, Mechanism
 from monodyn.mechanism.upright import ROLL
+from monodyn.types import Camera
 from monodyn.vision.drawing.camera import CAMERA_TURNS, PARAMETERS, value_of
 from monodyn.vision.drawing.rig import longest_reach, rig_of
 from monodyn.vision.locating.bundle import Bundle
@@ -16,6 +17,11 @@ UNSEEN = 16.0
 """Information of a logarithm, or of a ratio to a length, below which a size or place is not determined."""
 STEP = 1e-6
 """Step of the differences by variable of the refinement."""
+THREAD_PX = 3.0
+"""Width below which what holds a ball is a thread and not a rod [px]."""
+STRETCHES = 0.015
+"""Standard deviation of the logarithm of a thread's length as the way of its ball shows it: cotton stretches
+by half a per cent under its ball, most where this moves fastest, which bends the way three times as much."""
 LOADED = 0.02
 """Share of a direction that is not seen from which on a place is part of it."""
 
@@ -34,6 +40,27 @@ def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
     """
     names, known, _ = _known(bundle, scale_free=scale_free)
     return Measured(names, 0.5 * (known + known.T))
+
+
+def thread_lengths(mechanism: Mechanism, camera: Camera) -> list[str]:
+    """Name the lengths of bodies that are a ball on a thread, which a picture hardly shows.
+
+    Args:
+        mechanism: The mechanism.
+        camera: The camera.
+
+    Returns:
+        The names.
+    """
+    shapes = mechanism.shapes
+    width_px = 2.0 * shapes.radius * camera.focal / camera.depth
+    round_, thin = np.diff(shapes.first) == 1, (width_px > 0.0) & (width_px < THREAD_PX)
+    found = []
+    for body in dict.fromkeys(shapes.body):
+        own = np.array([name == body for name in shapes.body])
+        if np.any(own & round_) and np.all(round_ | thin | ~own):
+            found.append(f"{body}.length")
+    return found
 
 
 def hidden_places(bundle: Bundle, *, scale_free: bool) -> list[str]:
@@ -88,7 +115,9 @@ def _known(bundle: Bundle, *, scale_free: bool) -> tuple[tuple[str, ...], np.nda
     px = np.array([values[variables.against[i] or variables.names[i]] for i in sizes])
     px = px * bundle.camera.focal / bundle.camera.depth
     # (K^-1 + D)^-1 for a K that may be singular, D the variance that no number of frames takes away
-    ways = np.array([[way.get(name, 0.0) for name in names] for way in bundle.alternatives])
+    stretched = [{name: STRETCHES} for name in thread_lengths(bundle.mechanism, bundle.camera)]
+    allowed = [*bundle.alternatives, *stretched]
+    ways = np.array([[way.get(name, 0.0) for name in names] for way in allowed])
     drawn = bundle.unsettled[sizes] if len(bundle.unsettled) else np.zeros(len(names))
     variance = np.diag((bundle.systematic_px / px) ** 2) + ways.T @ ways + np.outer(drawn, drawn)
     known = np.linalg.solve(np.eye(len(names)) + known @ variance, known)
@@ -175,7 +204,8 @@ def covariance_of(information: np.ndarray, sizes: np.ndarray, *, scale_free: boo
 
 
 def shifted_turn(bundle: Bundle, name: str) -> float:
-    """Return the turn of the camera that an edge which is shifted everywhere looks like [rad].
+    """Return the turn of the camera that edges which are shifted in all frames look like, or that frames look
+    like which show the whole mechanism elsewhere [rad].
 
     Args:
         bundle: A refined bundle.
@@ -185,9 +215,11 @@ def shifted_turn(bundle: Bundle, name: str) -> float:
         return 0.0
     focal = bundle.camera.focal
     reach_px = longest_reach(rig_of(bundle.mechanism, bundle.camera)) * focal / bundle.camera.depth
+    # of a long thread the picture shows the end alone
+    reach_px = min(reach_px, 0.5 * float(np.hypot(bundle.camera.width, bundle.camera.height)))
     # turned about the line of sight the outermost edges go along a circle; turned aside they come nearer
     arm_px = reach_px if name == ROLL else reach_px**2 / focal
-    return bundle.systematic_px / arm_px
+    return float(np.hypot(bundle.systematic_px, bundle.sway_px)) / arm_px
 
 
 def _camera_slope(bundle: Bundle, cameras: list[str]) -> np.ndarray:

@@ -16,21 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from monodyn.vision.clip.steady import Parallax
-from monodyn.vision.drawing.camera import displaced_camera
-from monodyn.vision.drawing.edges import edge_terms, picture_shifts
-from monodyn.vision.drawing.rig import Rig, rig_of
-from monodyn.vision.foreground.masks import View, planes_for
+from monodyn.vision.drawing.rig import rig_of
+from monodyn.vision.foreground.masks import planes_for
 from monodyn.vision.locating.locate import Sought
 from monodyn.vision.locating.scene import Scene
+from monodyn.vision.locating.sway import Sway, sway_of
 
-REACHES = (16.0, 12.0, 9.0, 7.0, 5.0, 4.0, 4.0, 4.0)
-"""Search lengths along the normals, one after the other [px]."""
-SPACING_PX = 3.0
-"""Distance between outline samples [px]."""
-FAR_PX = 20.0
-"""Standard deviation of a displacement before the edges are looked at [px]."""
-MOST_MOVE = 0.3
-"""Largest change of a joint in one step."""
 OUTLYING_PX = 1.0
 """Distance from the line at which a displacement counts half [px]."""
 ROUNDS = 5
@@ -57,27 +48,6 @@ class Nearer(NamedTuple):
     parallax: Parallax
     std_px: float
     rms_px: float
-
-
-class Sway(NamedTuple):
-    """Where the edges of the key frames show the whole mechanism, against where it was located.
-
-    Attributes:
-        shift: To the right and down [px], (key frame, 2).
-        information: Of each for unit noise of an edge sample, the pose eliminated, (key frame, 2, 2).
-    """
-
-    shift: np.ndarray
-    information: np.ndarray
-
-    @property
-    def rms_px(self) -> float:
-        """Size of the displacements, apart from a common one, by how well the edges show them [px]."""
-        known = self.information
-        common = np.linalg.lstsq(known.sum(axis=0), np.einsum("kij,kj->i", known, self.shift), rcond=None)[0]
-        off = self.shift - common
-        squares = np.einsum("ki,kij,kj->", off, known, off)
-        return math.sqrt(2.0 * squares / max(float(np.trace(known, axis1=1, axis2=2).sum()), 1e-9))
 
 
 def find_past_parallax(sought: Sought, find: Find) -> Scene:
@@ -113,7 +83,7 @@ def parallax_of(scene: Scene) -> Nearer | None:
     path = scene.masks.video.camera_path
     if path is None:
         return None
-    sway = sway_of(scene)
+    sway = scene_sway(scene)
     # columns: the parallax, its perspective part in pixels, and a displacement of all frames alike, which the
     # camera's place takes up
     area = float(np.prod(path.size)) / 4.0
@@ -145,37 +115,14 @@ def _solved(weight: np.ndarray, normal: np.ndarray, right: np.ndarray) -> np.nda
     return np.linalg.solve(whole, np.einsum("k,ki->i", weight, right))
 
 
-def sway_of(scene: Scene) -> Sway:
-    """Measure where the edges show the whole mechanism in the key frames, next to its pose.
+def scene_sway(scene: Scene) -> Sway:
+    """Measure where the edges show the whole mechanism in the key frames of a scene, next to its pose.
 
     Args:
         scene: A located mechanism.
-
-    Returns:
-        Displacements against the masks.
     """
     frames = {frame.index: frame for frame in scene.masks.samples.frames}
     rig = rig_of(scene.mechanism, scene.camera)
     view = scene.masks.view(len(rig.radius))
-    found = []
-    for number, position in zip(scene.key_frames, scene.key_positions, strict=True):
-        planes = planes_for(scene.masks.of(frames[number]), view)
-        found.append(_shifted(planes, view, rig, np.array(position, dtype=np.float64)))
-    return Sway(np.array([shift for shift, _ in found]), np.array([known for _, known in found]))
-
-
-def _shifted(planes: np.ndarray, view: View, rig: Rig, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the displacement of the mechanism in a mask [px], (2,), and its information, (2, 2)."""
-    shift, known, dofs = np.zeros(2), np.zeros((2, 2)), len(position)
-    for reach in REACHES:
-        moved = rig.before(displaced_camera(rig.camera, shift))
-        terms = edge_terms(planes, view, moved, picture_shifts(moved), position, reach, SPACING_PX)
-        inverse = np.linalg.inv(terms.normal[:dofs, :dofs] + 1e-6 * np.eye(dofs))
-        mixed = terms.normal[:dofs, dofs:]
-        known = terms.normal[dofs:, dofs:] - mixed.T @ inverse @ mixed
-        right = terms.right[dofs:] - mixed.T @ inverse @ terms.right[:dofs]
-        # what no edge shows stays where it is
-        step = np.linalg.solve(known + np.eye(2) / FAR_PX**2, right - shift / FAR_PX**2)
-        move = inverse @ (terms.right[:dofs] - mixed @ step)
-        shift, position = shift + step, position + np.clip(move, -MOST_MOVE, MOST_MOVE)
-    return shift, known
+    planes = [planes_for(scene.masks.of(frames[number]), view) for number in scene.key_frames]
+    return sway_of(planes, view, rig, scene.key_positions)
