@@ -11,7 +11,7 @@ import pytest
 
 from imperfect_film import Film, given, material_points, moved
 from imperfections import CAREFUL, FACTORS, KINDS, NAMED, Draw, drawn
-from judge import CHECK, lost_to_check, outcome
+from judge import CHECK, lost_to_check, outcome, swing_length, truths
 from monodyn.types import Camera
 from monodyn.vision.drawing.camera import pixels
 from nonideal import table, wilson
@@ -199,3 +199,20 @@ def test_the_table_counts_outcomes_with_their_intervals() -> None:
         "1",
         "0",
     ]
+
+
+def test_a_pivot_that_gives_way_unseen_leaves_a_length_open() -> None:
+    """A ball whose pivot moves along swings about a point above it, and one whose pivot is held
+    about this."""
+    held = still(Draw(BALL, "ball", "ball", "above"))
+    film = Film(held, moved(held))
+    assert truths(held, film)["link1.length"] == (0.5, 0.5)
+    assert swing_length(film) == pytest.approx(0.5, rel=1e-3)
+    loose = replace(held, pivot=0.01)
+    film = Film(loose, moved(loose))
+    low, high = truths(loose, film)["link1.length"]
+    assert low == 0.5
+    assert high == pytest.approx(swing_length(film))
+    assert high > 0.51
+    seen = replace(loose, kind="bob", place="inside")
+    assert truths(seen, film)["link1.length"] == (0.5, 0.5)

@@ -93,6 +93,24 @@ def test_a_tenth_of_the_frames_may_be_gross_errors() -> None:
     assert redrawn(fit, scaled(), replace(poses, position=position)).doubts
 
 
+def test_an_outline_over_bare_background_is_not_trusted(
+    filmed: tuple[Scene, Poses], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fit, (scene, _) = identified(), filmed
+    located = replace(scene, mechanism=scaled().mechanism, camera=CAMERA)
+    monkeypatch.setattr(monodyn.redrawn, "_size", lambda *_: 100.0)
+    for px, grades in ((4.0, []), (7.0, ["approximate"])):
+        monkeypatch.setattr(monodyn.redrawn.Sight, "bare_px", px)
+        doubts = redrawn(fit, located, followed()).doubts
+        assert [doubt.grade for doubt in doubts] == grades
+    assert doubts[0].reason == (
+        "The pictures show 7 px of bare background where the outline would be, 7% of its size of 100 px. A "
+        "joint may give way, by which sizes come out wrong, or something stands before the mechanism and "
+        "looks like what is behind it: diagnosis.png shows where; hold what gives way, or give a length with "
+        "--fix."
+    )
+
+
 def test_the_size_is_that_of_a_disc_as_large_as_what_is_in_the_picture(
     filmed: tuple[Scene, Poses],
 ) -> None:

@@ -88,6 +88,51 @@ def test_noise_and_what_cannot_show_are_no_mismatch(filmed: tuple[Scene, Poses])
         assert Sight(scene.masks.video, masks, faint, turned).mismatch > 0.5
 
 
+def test_an_outline_that_reaches_over_bare_background_is_measured(filmed: tuple[Scene, Poses]) -> None:
+    scene, poses = filmed
+    assert Sight(scene.masks.video, scene.masks, scene, poses).bare_px < 2.0
+    last = list(dict.fromkeys(scene.mechanism.shapes.body))[-1]
+    length = scene.mechanism.values[f"{last}.length"]
+    for longer in (10.0, 20.0):
+        by = longer * scene.camera.depth / scene.camera.focal
+        mechanism = scene.mechanism.with_values({f"{last}.length": length + by})
+        sight = Sight(scene.masks.video, scene.masks, replace(scene, mechanism=mechanism), poses)
+        assert sight.bare_px == pytest.approx(longer, abs=3.0)
+
+
+class Beside:
+    """Masks in which something else moves in a corner of the picture."""
+
+    def __init__(self, masks: Any, rows: slice, columns: slice) -> None:
+        self._masks, self._part = masks, (slice(None), rows, columns)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._masks, name)
+
+    def of(self, frame: Frame) -> Mask:
+        mask = self._masks.of(frame)
+        planes = mask.planes.copy()
+        planes[self._part] = FULL
+        return replace(mask, planes=planes)
+
+
+def test_what_moves_beside_the_mechanism_does_not_count_against_it(filmed: tuple[Scene, Poses]) -> None:
+    scene, poses = filmed
+    video = scene.masks.video
+    alone = Sight(video, scene.masks, scene, poses)
+    drawn = np.concatenate(
+        [corners for q in poses.position for corners in outlines_of(scene.mechanism, scene.camera, q)]
+    )
+    low = np.floor(drawn.min(axis=0)).astype(int)
+    corner: Any = Beside(scene.masks, slice(0, max(low[1] - 2, 1)), slice(0, video.width))
+    assert low[1] > 4
+    beside = Sight(video, corner, replace(scene, masks=corner), poses)
+    assert beside.mismatch == pytest.approx(alone.mismatch, abs=0.01)
+    # over the mechanism it does
+    whole: Any = Beside(scene.masks, slice(0, video.height), slice(0, video.width))
+    assert Sight(video, whole, replace(scene, masks=whole), poses).mismatch > 0.5
+
+
 class Shiny:
     """Masks in which what covers a pixel shows at less than half of its level."""
 

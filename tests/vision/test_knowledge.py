@@ -18,6 +18,7 @@ from monodyn.vision.locating.knowledge import (
     hidden_places,
     shifted_turn,
     size_information,
+    thread_lengths,
 )
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.variables import scene_variables
@@ -57,7 +58,7 @@ def test_what_is_hardly_known_is_not_taken_for_well_known() -> None:
 def test_a_shifted_edge_looks_like_a_turn_of_the_camera() -> None:
     """A camera turned by as much, about the hinge, sees the end of the link 0.2 px off."""
     mechanism = load("single")
-    bundle = SimpleNamespace(mechanism=mechanism, camera=CAMERA, systematic_px=0.2)
+    bundle = SimpleNamespace(mechanism=mechanism, camera=CAMERA, systematic_px=0.12, sway_px=0.16)
     assert shifted_turn(bundle, "camera.focal") == 0.0
     # the corner of the link
     end = np.hypot(mechanism.values["link1.length"], 0.5 * mechanism.values["link1.width"])
@@ -67,6 +68,23 @@ def test_a_shifted_edge_looks_like_a_turn_of_the_camera() -> None:
         aside = CAMERA.focal * end * np.cos(angle) / (CAMERA.depth - end * np.sin(angle))
         assert aside - square == pytest.approx(0.2, rel=0.05)
     assert square * np.tan(shifted_turn(bundle, "camera.roll")) == pytest.approx(0.2, rel=0.05)
+
+
+def test_of_a_long_thread_the_picture_shows_the_end_alone() -> None:
+    mechanism = load("ball").with_values({"link1.length": 50.0})
+    bundle = SimpleNamespace(mechanism=mechanism, camera=CAMERA, systematic_px=0.2, sway_px=0.0)
+    half = 0.5 * np.hypot(CAMERA.width, CAMERA.height)
+    assert shifted_turn(bundle, "camera.roll") == pytest.approx(0.2 / half)
+    assert shifted_turn(bundle, "camera.yaw") == pytest.approx(0.2 * CAMERA.focal / half**2)
+
+
+def test_what_holds_a_ball_is_a_thread_or_a_rod() -> None:
+    px = CAMERA.depth / CAMERA.focal
+    bob = load("bob")
+    assert thread_lengths(load("ball"), CAMERA) == ["link1.length"]
+    assert thread_lengths(bob.with_values({"link1.width": 2.0 * px}), CAMERA) == ["link1.length"]
+    assert thread_lengths(bob.with_values({"link1.width": 4.0 * px}), CAMERA) == []
+    assert thread_lengths(load("double"), CAMERA) == []
 
 
 def hammer(folder: Path, *, length: float, head: float, aside: float, short: float = 0.03) -> Mechanism:

@@ -14,7 +14,7 @@ from monodyn.vision.foreground.coverage import coverage_of
 from monodyn.vision.foreground.covered import covered_whole
 from monodyn.vision.foreground.masks import VARIED, GeomColours
 from monodyn.vision.foreground.moving_colours import lingering, moving_colours
-from monodyn.vision.foreground.palette import VARIED_TRUST, measured_palette, palette_of
+from monodyn.vision.foreground.palette import VARIED_TRUST, measured_palette, palette_of, with_wall
 from pictures import WHOLE, H, W, palette_found, samples, wandering
 
 
@@ -112,6 +112,32 @@ def test_pixels_never_uncovered_are_not_trusted() -> None:
     )
     assert palette.trust[0, 30, 40] == 0
     assert palette.trust[0, 5, 5] > 0.5
+
+
+@pytest.mark.parametrize("coloured", [False, True])
+def test_where_an_outline_lay_in_all_frames_the_wall_is_known_or_taken_from_around(coloured: bool) -> None:
+    """An outline reaches from the mechanism over the wall, and behind a bracket of another colour."""
+    rng = np.random.default_rng(3)
+    wall = (160.0 + rng.normal(0.0, 1.0, (H, W))).astype(np.float32)
+    luma, known = wall.copy(), np.ones((H, W), bool)
+    known[20:32, 20:70] = False
+    # from the left: wall, mechanism, bracket
+    luma[20:32, 36:52], luma[20:32, 58:64] = 90.0, 230.0
+    small = np.full((H // 2, W // 2), 128.0, np.float32)
+    chroma = (small.copy(), small.copy())
+    chroma[0][10:16, 18:26] = 160.0
+    seen = Background(luma, chroma if coloured else None, 1.0, known, WHOLE)
+    colour = np.array([[90.0, 160.0 if coloured else 128.0, 128.0]])
+    found = with_wall(seen, colour, grey_only=not coloured)
+    assert found.known[22:30, 22:34].all()
+    assert found.known[22:30, 38:50].all()
+    assert not found.known[22:30, 59:63].any()
+    np.testing.assert_array_equal(found.luma[22:30, 22:34], wall[22:30, 22:34])
+    np.testing.assert_allclose(found.luma[22:30, 38:50], 160.0, atol=8.0)
+    np.testing.assert_array_equal(found.luma[~seen.known & ~found.known], luma[~seen.known & ~found.known])
+    if found.chroma is not None:
+        np.testing.assert_allclose(found.chroma[0][11:15, 19:25], 128.0, atol=1.0)
+    assert with_wall(replace(seen, given=True), colour, grey_only=True).known is known
 
 
 def test_borders_count_by_the_least_contrast_over_the_noise() -> None:

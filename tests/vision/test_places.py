@@ -116,6 +116,21 @@ def on_rods(folder: Path, count: int) -> Mechanism:
     return load(folder / "balls.xml")
 
 
+def test_a_speck_at_the_pivot_is_no_thread(tmp_path: Path) -> None:
+    """A rod that has shrunk to a speck, whose edges are seen: it says nothing of how long the thread is."""
+    file, px = on_rods(tmp_path, 1), CAMERA.depth / CAMERA.focal
+    poses = np.random.default_rng(4).uniform(-2.5, -0.5, (10, 1))
+    start = file.with_following(["a.ball0.along"], follow=False)
+    start = start.with_values({"a.length": 2.0 * px, "a.width": 2.0 * px, "a.ball0.along": 0.2})
+    masks = KeyMasks([drawn_mask(start, CAMERA, q) for q in poses], trusted(file))
+    names = ["a.length", "a.width", "a.ball0.width", "a.ball0.along"]
+    variables = scene_variables(start, [*names, "camera.x", "camera.y", "camera.depth"])
+    bundle = refine(masks, SceneGuess(start, CAMERA, poses, np.zeros(10)), variables, SEARCH)
+    found = without_unseen(bundle, file).mechanism
+    assert found.parameter("a.ball0.along").follows
+    assert found.values["a.length"] == pytest.approx(bundle.mechanism.values["a.ball0.along"])
+
+
 @pytest.mark.parametrize(("count", "shown"), [(1, False), (1, True), (2, False)])
 def test_a_thread_that_no_picture_shows_ends_at_its_ball(tmp_path: Path, count: int, shown: bool) -> None:
     file = on_rods(tmp_path, count)

@@ -120,6 +120,9 @@ def scene_sway(scene: Scene) -> Sway:
 
     Args:
         scene: A located mechanism.
+
+    Returns:
+        Displacements against the masks.
     """
     frames = {frame.index: frame for frame in scene.masks.samples.frames}
     rig = rig_of(scene.mechanism, scene.camera)
