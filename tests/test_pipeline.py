@@ -197,7 +197,7 @@ def test_a_clip_without_the_mechanism_keeps_its_poses(
     monkeypatch: pytest.MonkeyPatch, make_clip: ClipMaker, tmp_path: Path
 ) -> None:
     clip = seen(monkeypatch, make_clip, last=0)
-    with pytest.raises(FitError, match=r"tracked it in none; The camera is a guess\. .*Only 0 of 12"):
+    with pytest.raises(FitError, match=r"tracked it in none; .*The camera is a guess\. .*Only 0 of 12"):
         track_clip(clip, "single", tmp_path / "run")
     assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "done"
     with pytest.raises(FitError, match="in frames 0 to 8"):
