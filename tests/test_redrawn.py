@@ -98,8 +98,8 @@ def test_an_outline_over_bare_background_is_not_trusted(
 ) -> None:
     fit, (scene, _) = identified(), filmed
     located = replace(scene, mechanism=scaled().mechanism, camera=CAMERA)
-    monkeypatch.setattr(monodyn.redrawn, "_size", lambda *_: 100.0)
-    for px, grades in ((4.0, []), (7.0, ["approximate"])):
+    for size, px, grades in ((32.0, 3.9, []), (100.0, 4.5, []), (100.0, 7.0, ["approximate"])):
+        monkeypatch.setattr(monodyn.redrawn, "_size", lambda *_, size=size: size)
         monkeypatch.setattr(monodyn.redrawn.Sight, "bare_px", px)
         doubts = redrawn(fit, located, followed()).doubts
         assert [doubt.grade for doubt in doubts] == grades

@@ -82,6 +82,7 @@ def test_a_joint_that_was_hardly_measured_is_a_doubt(tmp_path: Path) -> None:
                     "reason": "joint2 could be measured in at most 6 of the 120 rows in which another joint "
                     "was: so few do not show that the mechanism moves there as it was identified. Measure it "
                     "in more rows, or take a mechanism without it.",
+                    "holds": None,
                 }
             ]
         )

@@ -30,6 +30,8 @@ STRAY = 0.1
 BARE = 0.05
 """Reach of the outline over bare background, over its size, from which on it is not trusted: half of what
 makes a pose wrong. Outlines that lie right reach 1 to 4 %, the more the worse they stand out."""
+BARE_PX = 4.0
+"""Reach that says nothing, however small the outline is: edges are looked for as far as that [px]."""
 MEASURED = 12
 """Frames, at most, by which the size of the outline is measured: it hardly changes."""
 
@@ -68,7 +70,9 @@ def redrawn(fit: Fit, scene: Scene | PointScene, followed: Poses) -> Fit:
             said = _contradicted(what, marks[worst].target, float(px[worst]), size)
             return fit.doubted([Doubt("refused", said)])
     bare_px = Sight(scene.video, scene.masks, scene, followed).bare_px if isinstance(scene, Scene) else 0.0
-    return fit.doubted([Doubt("approximate", _beyond(bare_px, size))]) if bare_px > BARE * size else fit
+    if bare_px > max(BARE * size, BARE_PX):
+        return fit.doubted([Doubt("approximate", _beyond(bare_px, size))])
+    return fit
 
 
 def _contradicted(what: str, point: str, px: float, size: float) -> str:

@@ -88,10 +88,14 @@ def test_the_window_knows_what_a_batch_fit_knows(session, steps):
     scene = followed.found.scene
     poses = scene.doubt.with_shifts(poses, np.zeros(2, dtype=bool))
     batch = monodyn.identify(poses, scene.mechanism)
+    compared = []
     for row in batch.parameters:
-        if row.free and np.isfinite(row.std):
+        # what hardly shows is undetermined in one of them and determined in the other
+        if row.free and np.isfinite(row.std) and np.isfinite(ended.fit.parameter(row.name).std):
             assert abs(ended.fit.parameter(row.name).value - row.value) < 0.3 * row.std, row.name
             assert ended.fit.parameter(row.name).std == pytest.approx(row.std, rel=0.3), row.name
+            compared.append(row.name)
+    assert {"link1.length", "link2.length", "link1.width", "link2.width"} <= set(compared)
 
 
 def test_the_same_frames_give_the_same_numbers(filmed, steps):

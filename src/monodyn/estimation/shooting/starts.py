@@ -112,8 +112,14 @@ def from_sides(problem: Problem, x: np.ndarray) -> list[np.ndarray]:
         problem: The problem; where its unknowns lack the roll, the start stays alone.
         x: Coordinates of the start, (param,).
     """
+    turns = QUARTERS if ROLL in problem.unknowns.names else ()
+    return [x, *(_turned(problem, x, turn) for turn in turns)]
+
+
+def _turned(problem: Problem, x: np.ndarray, by: float) -> np.ndarray:
+    """Return coordinates, (param,), with the camera rolled by an angle more [rad], to within half a turn."""
     roll = np.array([name == ROLL for name in problem.unknowns.names])
-    return [x, *(x + turn * roll for turn in QUARTERS if roll.any())]
+    return np.where(roll, np.remainder(x + by + np.pi, 2.0 * np.pi) - np.pi, x)
 
 
 def _scales(problem: Problem, motion: SmoothMotion) -> list[np.ndarray]:
@@ -140,7 +146,7 @@ def match(problem: Problem, motion: SmoothMotion, x: np.ndarray) -> np.ndarray:
         lambda at: mismatch_rows(problem, at, motion), x, (unknowns.lower, unknowns.upper), settings=MATCH,
         reach=unknowns.reach,
     )  # fmt: skip
-    return found.x
+    return _turned(problem, found.x, 0.0)
 
 
 def _rolled(
