@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.mechanism import tree
 from monodyn.mechanism.axis import (
     TINY,
     Axis,
@@ -31,31 +32,10 @@ from monodyn.mechanism.packed import Packed, pack
 from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Entry, Link, Table
 from monodyn.mechanism.places import Naming, half_across, main_ends, main_sides
 from monodyn.mechanism.solids import Solid, geom_solid, given_solid
-from monodyn.mechanism.tree import (
-    AIR,
-    ANGLE,
-    ARMATURE,
-    AXIS_X,
-    AXIS_Y,
-    COLUMNS,
-    COM_X,
-    COM_Y,
-    DAMPING,
-    DRAG,
-    FRICTION,
-    HINGE,
-    INERTIA,
-    LEAD,
-    LONGEST_LEAD,
-    MASS,
-    REST,
-    SLIDE,
-    STIFFNESS,
-)  # fmt: skip
 
 OWNED_KINDS = ("mass", "com_x", "com_y", "inertia")
 """Kinds of the parameters that may follow from the others of a body, in the order of ``Plan.owned``."""
-OWNED_COLUMNS = (MASS, COM_X, COM_Y, INERTIA)
+OWNED_COLUMNS = (tree.MASS, tree.COM_X, tree.COM_Y, tree.INERTIA)
 """Their columns in ``Tree.links``."""
 
 
@@ -74,14 +54,14 @@ class JointTerm(NamedTuple):
 
 
 JOINT = {
-    "damping": JointTerm(DAMPING, "N m s/rad", "N s/m"),
-    "friction": JointTerm(FRICTION, "N m", "N"),
-    "stiffness": JointTerm(STIFFNESS, "N m/rad", "N/m"),
-    "rest": JointTerm(REST, "rad", "m"),
-    "armature": JointTerm(ARMATURE, "kg m^2", "kg"),
-    "drag": JointTerm(DRAG, "N m s^2/rad^2", "N s^2/m^2"),
-    "air": JointTerm(AIR, "N m s^2/rad^2", "N s^2/m^2"),
-    "lead": JointTerm(LEAD, "s", "s"),
+    "damping": JointTerm(tree.DAMPING, "N m s/rad", "N s/m"),
+    "friction": JointTerm(tree.FRICTION, "N m", "N"),
+    "stiffness": JointTerm(tree.STIFFNESS, "N m/rad", "N/m"),
+    "rest": JointTerm(tree.REST, "rad", "m"),
+    "armature": JointTerm(tree.ARMATURE, "kg m^2", "kg"),
+    "drag": JointTerm(tree.DRAG, "N m s^2/rad^2", "N s^2/m^2"),
+    "air": JointTerm(tree.AIR, "N m s^2/rad^2", "N s^2/m^2"),
+    "lead": JointTerm(tree.LEAD, "s", "s"),
 }
 """The parameters of every joint by kind, in the order in which they are entered."""
 JOINT_COLUMNS = [term.column for term in JOINT.values()]
@@ -337,7 +317,7 @@ def _enter_joint(link: Link, table: Table) -> list[str]:
         free = kind == "damping" or (start > 0 and kind not in ("armature", "rest", "lead"))
         limits, sign = (_rests(link), ANY) if kind == "rest" else ((0.0, math.inf), NOT_NEGATIVE)
         if kind == "lead":
-            limits = (0.0, LONGEST_LEAD)
+            limits = (0.0, tree.LONGEST_LEAD)
         if kind == "damping":
             start = start or START_DAMPING
         unit = term.at_hinge if link.joint.kind == "hinge" else term.at_slide
@@ -373,15 +353,15 @@ def _stack(
         heavy.append(tuple(rows))
     drawn = [(i, solid) for i, group in enumerate(solids) for solid in group if solid.look is not None]
     points = [form for _, solid in drawn for point in solid.points for form in point]
-    template = np.zeros((len(links), COLUMNS))
+    template = np.zeros((len(links), tree.COLUMNS))
     for i, link in enumerate(links):
-        template[i, [ANGLE, AXIS_X, AXIS_Y]] = link.angle, *link.axis
+        template[i, [tree.ANGLE, tree.AXIS_X, tree.AXIS_Y]] = link.angle, *link.axis
     return Plan(
         links=tuple(links),
         table=table,
         index=index,
         parent=np.array([link.parent for link in links], dtype=np.int64),
-        kind=np.array([HINGE if k.joint.kind == "hinge" else SLIDE for k in links], dtype=np.int64),
+        kind=np.array([tree.HINGE if k.joint.kind == "hinge" else tree.SLIDE for k in links], dtype=np.int64),
         template=template,
         forms=matrix(forms, index),
         solids=tuple(heavy),
