@@ -15,26 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.mechanism import looks
+from monodyn.mechanism import looks, tree
 from monodyn.mechanism.drive import FOURIER, KNOTS
 from monodyn.mechanism.model import Mechanism
-from monodyn.mechanism.tree import (
-    AIR,
-    ANCHOR_X,
-    ANCHOR_Y,
-    ANGLE,
-    ARMATURE,
-    COM_X,
-    COM_Y,
-    DAMPING,
-    DRAG,
-    FRICTION,
-    INERTIA,
-    LEAD,
-    MASS,
-    REST,
-    STIFFNESS,
-)  # fmt: skip
 
 FIRM = {"solreffriction": "0.002 1", "solimpfriction": "0.999 0.9999 0.001"}
 """What makes MuJoCo's friction loss turn where the rate does: by default it does so 10 ms ahead, and lets a
@@ -132,7 +115,7 @@ def write_mjcf(
     )
     default = ET.SubElement(root, "default")
     ET.SubElement(default, "geom", contype="0", conaffinity="0")
-    if np.any(mechanism.tree.links[:, FRICTION]):
+    if np.any(mechanism.tree.links[:, tree.FRICTION]):
         ET.SubElement(default, "joint", FIRM)
     root.extend(_customs(mechanism))
     asset = ET.SubElement(root, "asset")
@@ -175,7 +158,7 @@ def _customs(mechanism: Mechanism) -> list[ET.Element]:
     """Return what MJCF has no place for, as numbers: the drag of the air on the links, leads of dry friction,
     which follow from none of its attributes to the last digit, and the drive."""
     custom, said = ET.Element("custom"), []
-    for kind, column, about in (("air", AIR, AIRED), ("lead", LEAD, LED)):
+    for kind, column, about in (("air", tree.AIR, AIRED), ("lead", tree.LEAD, LED)):
         rows = mechanism.tree.links[:, column]
         for joint, value in zip(mechanism.joints, rows, strict=True):
             if value:
@@ -206,16 +189,15 @@ def _groups(mechanism: Mechanism) -> list[list[int]]:
 
 def _body(mechanism: Mechanism, group: list[int], parent: ET.Element, digits: int) -> ET.Element:
     """Add a body with its joints and inertial."""
-    tree = mechanism.tree
-    links = tree.links
+    links = mechanism.tree.links
     first, last = group[0], group[-1]
-    angle = round(float(links[first, ANGLE]), looks.DIGITS)
+    angle = round(float(links[first, tree.ANGLE]), looks.DIGITS)
     # MuJoCo's body has one frame for all of its joints, ours has a link for each: the body stands where the
     # last joint is at zero, and the others are placed backwards from there.
-    anchors = links[group][:, [ANCHOR_X, ANCHOR_Y]]
+    anchors = links[group][:, [tree.ANCHOR_X, tree.ANCHOR_Y]]
     rest = anchors[1:].sum(axis=0)
     x, y = anchors[0] + looks.turned(rest, angle)
-    z = looks.depth_of(mechanism, last) - looks.depth_of(mechanism, int(tree.parent[first]))
+    z = looks.depth_of(mechanism, last) - looks.depth_of(mechanism, int(mechanism.tree.parent[first]))
     name, place = mechanism.joints[last].body, looks.numbers(x, -z, y, digits=digits)
     body = ET.SubElement(parent, "body", name=name, pos=place)
     if angle:
@@ -224,29 +206,34 @@ def _body(mechanism: Mechanism, group: list[int], parent: ET.Element, digits: in
         joint, row = mechanism.joints[i], links[i]
         back = np.round(-anchors[k + 1 :].sum(axis=0), digits)
         element = ET.SubElement(
-            body, "joint", name=joint.name, type=joint.kind, axis=looks.axis_text(tree.kind[i], row)
+            body, "joint", name=joint.name, type=joint.kind, axis=looks.axis_text(mechanism.tree.kind[i], row)
         )
         # where a slide is written does not matter
         if np.any(back) and joint.kind == "hinge":
             element.set("pos", looks.numbers(back[0], 0, back[1]))
-        columns = {"damping": DAMPING, "frictionloss": FRICTION, "stiffness": STIFFNESS, "armature": ARMATURE}
+        columns = {
+            "damping": tree.DAMPING,
+            "frictionloss": tree.FRICTION,
+            "stiffness": tree.STIFFNESS,
+            "armature": tree.ARMATURE,
+        }
         for name, column in columns.items():
-            if name == "damping" and row[DRAG]:
+            if name == "damping" and row[tree.DRAG]:
                 # MuJoCo's damping is -(b + b1 |v| + ...) v: its second number is the drag
-                element.set(name, looks.numbers(row[DAMPING], row[DRAG]))
+                element.set(name, looks.numbers(row[tree.DAMPING], row[tree.DRAG]))
             elif row[column]:
                 element.set(name, looks.numbers(row[column]))
-        if row[FRICTION] and row[LEAD]:
-            element.set("solreffriction", looks.numbers(max(2.0 * row[LEAD] / MOST_FIRM, LEAST_SOFT), 1))
-        if row[REST]:
-            element.set("springref", looks.numbers(row[REST]))
+        if row[tree.FRICTION] and row[tree.LEAD]:
+            element.set("solreffriction", looks.numbers(max(2.0 * row[tree.LEAD] / MOST_FIRM, LEAST_SOFT), 1))
+        if row[tree.REST]:
+            element.set("springref", looks.numbers(row[tree.REST]))
         if joint.lower > -math.inf or joint.upper < math.inf:
             element.set("range", looks.numbers(joint.lower, joint.upper))
     row = links[last]
-    ET.SubElement(
-        body, "inertial", pos=looks.numbers(row[COM_X], 0, row[COM_Y], digits=digits),
-        mass=looks.numbers(row[MASS]), diaginertia=looks.numbers(*[looks.significant(row[INERTIA])] * 3),
-    )  # fmt: skip
+    middle = looks.numbers(row[tree.COM_X], 0, row[tree.COM_Y], digits=digits)
+    mass, inertia = looks.numbers(row[tree.MASS]), looks.significant(row[tree.INERTIA])
+    around = looks.numbers(*[inertia] * 3)
+    ET.SubElement(body, "inertial", pos=middle, mass=mass, diaginertia=around)
     return body
 
 
