@@ -15,19 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.mechanism import axis as axes
 from monodyn.mechanism import tree
-from monodyn.mechanism.axis import (
-    TINY,
-    Axis,
-    AxisNames,
-    Form,
-    caps_of,
-    is_rod,
-    long_axis,
-    main_geom,
-    plus,
-    profile,
-)
 from monodyn.mechanism.packed import Packed, pack
 from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Entry, Link, Table
 from monodyn.mechanism.places import Naming, half_across, main_ends, main_sides
@@ -159,17 +148,19 @@ def make_plan(links: Sequence[Link], gravity: float) -> Plan:
     """
     table = Table()
     reach = 1e3 * _reach(links)
-    anchors: list[tuple[Form, Form]] = [({"": float(k.anchor[0])}, {"": float(k.anchor[1])}) for k in links]
+    anchors: list[tuple[axes.Form, axes.Form]] = [
+        ({"": float(k.anchor[0])}, {"": float(k.anchor[1])}) for k in links
+    ]
     solids: list[list[Solid]] = []
-    depths: list[Form] = []
+    depths: list[axes.Form] = []
     # A parent comes before its children, so that anchors of children are forms before they are stacked.
     for i, link in enumerate(links):
-        depth: Form = depths[link.parent] if link.parent >= 0 else {}
+        depth: axes.Form = depths[link.parent] if link.parent >= 0 else {}
         solids.append([])
         if link.carries:
             children = [k for k in range(len(links)) if links[k].parent == i]
             axis = _enter_body(link, [links[k].anchor for k in children], table)
-            depth = plus(depth, _enter_offset(links, i, table, reach))
+            depth = axes.plus(depth, _enter_offset(links, i, table, reach))
             for k in children:
                 anchors[k] = axis.point(links[k].anchor)
             solids[i] = _enter_solids(link, axis, table, depth)
@@ -196,17 +187,17 @@ def _reach(links: Sequence[Link]) -> float:
     return max(sizes, default=0.0) or 1.0
 
 
-def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
+def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> axes.Axis:
     """Enter length, width, tail and tip of a body and return its long axis."""
     body = link.joint.body
-    profiles = [profile(g) for g in link.geoms if g.body == body]
-    along, length = long_axis(link, anchors, profiles)
-    main = main_geom(profiles)
+    profiles = [axes.profile(g) for g in link.geoms if g.body == body]
+    along, length = axes.long_axis(link, anchors, profiles)
+    main = axes.main_geom(profiles)
     name = ""
     if length > 0:
         name = table.add(Entry(f"{body}.length", "length", body, length, "m", free=True))
-    cart = link.joint.kind == "slide" and not any(abs(float(a @ along)) > TINY * length for a in anchors)
-    caps = caps_of(link, anchors, profiles, along)
+    cart = link.joint.kind == "slide" and not any(abs(float(a @ along)) > axes.TINY * length for a in anchors)
+    caps = axes.caps_of(link, anchors, profiles, along)
     ends = main_ends(main, along, caps)
     places = [float(a @ along) for a in anchors]
     tail, tip = (0.0, 0.0) if cart or not name else _overhang([*places, *ends], length)
@@ -226,27 +217,27 @@ def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
         table.add(Entry(f"{body}.width", "width", body, width, "m", free=True, against=name))
     across = f"{body}.width" if width else ""
     aside = [float(a @ np.array([-along[1], along[0]])) for a in anchors]
-    return Axis(
+    return axes.Axis(
         along=along,
         length=length,
         tail=tail,
         tip=tip,
         width=width,
-        names=AxisNames(length=name, tail=names["tail"], tip=names["tip"], width=across),
+        names=axes.AxisNames(length=name, tail=names["tail"], tip=names["tip"], width=across),
         marks=(0.0, length, *places, *ends),
         marks_across=(0.0, *aside, *main_sides(main, along)),
         caps=caps,
-        thick="" if main is None else across if is_rod(main) else f"{body}.thickness",
+        thick="" if main is None else across if axes.is_rod(main) else f"{body}.thickness",
     )
 
 
 def _overhang(places: Sequence[float], length: float) -> tuple[float, float]:
     """Return how far hinges and main geom reach behind the hinge and beyond the length [m], or 0."""
     tail, tip = -min(places, default=0.0), max(places, default=0.0) - length
-    return (tail if tail > TINY * length else 0.0), (tip if tip > TINY * length else 0.0)
+    return (tail if tail > axes.TINY * length else 0.0), (tip if tip > axes.TINY * length else 0.0)
 
 
-def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> Form:
+def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> axes.Form:
     """Return the form of a body's distance from its parent body, a parameter if that one moves too."""
     # Massless links of a body with several joints are skipped: the parent is the last link that carries one.
     base = i
@@ -262,14 +253,14 @@ def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> 
     return {name: 1.0}
 
 
-def _enter_solids(link: Link, axis: Axis, table: Table, depth: Form) -> list[Solid]:
+def _enter_solids(link: Link, axis: axes.Axis, table: Table, depth: axes.Form) -> list[Solid]:
     """Return the geoms and given inertials of a link as forms and enter their parameters."""
     body = link.joint.body
     alone = len(link.givens) + sum(1 for g in link.geoms if g.mass or (g.density and g.mass is None)) == 1
     solids = []
     for owner in dict.fromkeys([body] + [g.body for g in link.geoms]):
-        shapes = [profile(g) for g in link.geoms if g.body == owner]
-        main = main_geom(shapes)
+        shapes = [axes.profile(g) for g in link.geoms if g.body == owner]
+        main = axes.main_geom(shapes)
         for shape in shapes:
             kind = shape.geom.name or shape.geom.kind
             label = _free_name(f"{owner}.{kind}", table)
@@ -334,10 +325,10 @@ def _rests(link: Link) -> tuple[float, float]:
 def _stack(
     links: Sequence[Link],
     table: Table,
-    anchors: list[tuple[Form, Form]],
+    anchors: list[tuple[axes.Form, axes.Form]],
     solids: list[list[Solid]],
     joints: list[list[str]],
-    depths: list[Form],
+    depths: list[axes.Form],
 ) -> Plan:
     """Turn the forms into matrices."""
     index = {name: row for row, name in enumerate(table.names)}
@@ -393,7 +384,7 @@ def _ties(table: Table, index: dict[str, int]) -> tuple[tuple[int, np.ndarray], 
     return tuple((row, matrix([dict(tie)], index)[0]) for row, tie in tied)
 
 
-def matrix(forms: Sequence[Form], index: dict[str, int]) -> np.ndarray:
+def matrix(forms: Sequence[axes.Form], index: dict[str, int]) -> np.ndarray:
     """Return the rows of forms as a matrix on (values, 1).
 
     Args:
