@@ -58,6 +58,33 @@ def frozen(
     return array
 
 
+def freeze(
+    record: object,
+    shape: tuple[int | None, ...],
+    *names: str,
+    dtype: type = np.float64,
+    error: type[MonodynError] = MonodynError,
+) -> None:
+    """Make fields of a frozen dataclass read-only arrays of a stated shape.
+
+    They are set past its guard once, so that objects can share them.
+
+    Args:
+        record: The dataclass, while it is made.
+        shape: Expected length by axis; ``None`` takes any length.
+        names: Names of the fields.
+        dtype: Element type.
+        error: Class of the exception.
+
+    Raises:
+        MonodynError: (or ``error``) as ``frozen`` does.
+    """
+    for name in names:
+        where = f"{type(record).__name__}.{name}"
+        array = frozen(where, getattr(record, name), shape, dtype=dtype, error=error)
+        object.__setattr__(record, name, array)
+
+
 def _is_frozen(values: object, dtype: type) -> TypeGuard[np.ndarray]:
     """True for an array of a type that owns what it holds and was made read-only: a search makes hundreds of
     trees of the same joints. A view of another array is none, for that one may still be written to."""

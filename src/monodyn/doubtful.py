@@ -71,7 +71,7 @@ def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | 
             "was followed and not something like it; diagnosis.png shows what was seen. --time-range A:B and "
             "--roi X,Y,W,H choose frames and a part of the picture in which it shows."
         )
-    lost = unfound_links(part, seen) or _unshown_bodies(sight)
+    lost = unmeasured_joints([part], pictures=True) or _unshown_bodies(sight)
     if lost:
         return lost
     # what lies badly on its mask and was lost again and again may be something else
@@ -151,59 +151,36 @@ def _mismatched(sight: Sight, lost: int, count: int) -> str:
     )
 
 
-def unfound_links(part: Poses, seen: int) -> str | None:
-    """Name the joints of a clip that were hardly ever measured while others were.
-
-    Args:
-        part: The poses that are fitted.
-        seen: Frames in which any joint was measured.
-
-    Returns:
-        A sentence for the user; None where every joint was measured often enough.
-    """
-    few = hardly_measured([part])
-    if not few:
-        return None
-    return (
-        f"{listed(list(few))} could be measured in at most {max(few.values())} of the {seen} frames in which "
-        "another joint was: what it moves does not lie on anything that stands out from the background. The "
-        "clip may show a mechanism without such a link; diagnosis.png shows where it was looked for."
-    )
-
-
-def unmeasured_joints(records: Sequence[Poses]) -> str | None:
-    """Name the joints of which tables hold hardly a position while they do of others.
-
-    Args:
-        records: The tables.
-
-    Returns:
-        A sentence for the user; None where every joint was measured often enough.
-    """
-    few = hardly_measured(records)
-    if not few:
-        return None
-    rows = sum(int(np.sum(record.measured.any(axis=1))) for record in records)
-    return (
-        f"{listed(list(few))} could be measured in at most {max(few.values())} of the {rows} rows in which "
-        "another joint was: so few do not show that the mechanism moves there as it was identified. Measure "
-        "it in more rows, or take a mechanism without it."
-    )
-
-
-def hardly_measured(records: Sequence[Poses]) -> dict[str, int]:
-    """Count in how many rows the joints were measured that hardly ever were while others were.
+def unmeasured_joints(records: Sequence[Poses], *, pictures: bool = False) -> str | None:
+    """Name the joints that were hardly ever measured while others were.
 
     Args:
         records: Records of the same joints.
+        pictures: Whether they are of a clip; else they are tables.
 
     Returns:
-        Number of rows by joint; none where every joint was measured often enough.
+        A sentence for the user; None where every joint was measured often enough.
     """
     rows = sum(int(np.sum(record.measured.any(axis=1))) for record in records)
     counts = np.sum([record.measured.sum(axis=0) for record in records], axis=0).tolist()
     joints = zip(records[0].joints, counts, strict=True)
-    return {joint: count for joint, count in joints if rows and count <= LEAST_JOINT * rows}
+    few = {joint: count for joint, count in joints if rows and count <= LEAST_JOINT * rows}
+    if not few:
+        return None
+    what = "frames" if pictures else "rows"
+    said = (
+        f"{listed(list(few))} could be measured in at most {max(few.values())} of the {rows} {what} in which "
+        "another joint was: "
+    )
+    if pictures:
+        return (
+            f"{said}what it moves does not lie on anything that stands out from the background. The clip may "
+            "show a mechanism without such a link; diagnosis.png shows where it was looked for."
+        )
+    return (
+        f"{said}so few do not show that the mechanism moves there as it was identified. Measure it in more "
+        "rows, or take a mechanism without it."
+    )
 
 
 def _doubtful_points(scene: PointScene, part: Poses) -> str | None:

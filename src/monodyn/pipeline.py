@@ -12,21 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monodyn import checks
 from monodyn.blur import blurred, check_exposure, follow_exposed, unsettled
-from monodyn.checks import (
-    after_refusal,
-    camera_choices,
-    check_tracked,
-    chosen_mechanism,
-    fitted_part,
-    fitted_range,
-    free_range,
-    left_out,
-    prediction_times,
-    tracked_share,
-    unshown,
-    untracked,
-)
 from monodyn.choices import AUTO
 from monodyn.choose import ball_alone, candidates, choose, nearest
 from monodyn.doubtful import doubtful_sight, likely_sight, unshown_parts
@@ -104,8 +91,8 @@ def run(
     settings = settings or RunSettings()
     models = candidates(settings) if str(model) == AUTO else {}
     video, given, mechanism = opened(clip, next(iter(models), model), settings)
-    wanted = fitted_range(settings.fit_frames, video.count)
-    prediction_times(video.times, wanted[1], settings.until)
+    wanted = checks.fitted_range(settings.fit_frames, video.count)
+    checks.prediction_times(video.times, wanted[1], settings.until)
     torques = clip_torques(settings, mechanism, video.times, wanted)
     inputs = input_files(clip, model, settings)
     written = run_toml("run", {"clip": clip, "model": model}, settings)
@@ -141,7 +128,7 @@ def concluded(
     assert sight is not None
     assert sight.fit_frames is not None
     (scene, poses, span), video = tracked, sight.video
-    frames = free_range(settings.fit_frames, sight.fit_frames, span)
+    frames = checks.free_range(settings.fit_frames, sight.fit_frames, span)
     # the motion may have shown that the stamps are not the times
     stamps = video.timed(poses.frame, poses.time).times
     if settings.fit_frames is None:
@@ -150,10 +137,10 @@ def concluded(
     else:
         check_torques(poses.torques, stamps, frames)
     sight.fit_frames = frames
-    times = prediction_times(stamps, frames[1], settings.until)
+    times = checks.prediction_times(stamps, frames[1], settings.until)
     # the fit must not see the frames that it will be compared with
     first, stop = np.searchsorted(poses.frame, frames).tolist()
-    check_tracked(poses[first:stop], video, log.notes)
+    checks.check_tracked(poses[first:stop], video, log.notes)
     with log.stage("identify"):
         fit, poses = _identified(job, sight, scene, poses, (first, stop), mechanism)
     with log.stage("predict"):
@@ -161,7 +148,7 @@ def concluded(
         fit = fit.doubted(heldout_doubts(fit, traces))
         fit = redrawn(fit, scene, poses)
     log.notes += [
-        *after_refusal(fit, sight, compared=bool(log.comparison)),
+        *checks.after_refusal(fit, sight, compared=bool(log.comparison)),
         *nearest(fit, log.comparison),
         *known_before(model, fit),
         *judged_before(verdict, fit, frames),
@@ -247,10 +234,10 @@ def track_clip(
         mechanism = _chosen(job, video, models) if models else mechanism
         _, poses, _ = locate_and_track(job, video, mechanism)
         log.notes += [sight.unsettled] if sight.unsettled else []
-        share = f"{tracked_share(poses, f'{len(poses)} frames')}."
+        share = f"{checks.tracked_share(poses, f'{len(poses)} frames')}."
         with log.stage("results"):
             job.show_sight(" ".join([share, *log.notes]), None if np.any(poses.seen) else "refused")
-    check_tracked(poses, video, log.notes)
+    checks.check_tracked(poses, video, log.notes)
     return job.outcome(log.document("done", folder.written), poses)
 
 
@@ -285,15 +272,15 @@ def identify_tables(
     if str(model) == AUTO:
         tried = tabled(tables, settings)
     else:
-        mechanism = chosen_mechanism(model, settings, camera=False)
+        mechanism = checks.chosen_mechanism(model, settings, camera=False)
         tried = [Tabled(str(model), mechanism, [read_poses(table, mechanism) for table in tables])]
     wrong = [wrong_units(one.records, one.mechanism) for one in tried]
     if all(wrong):
         raise VideoError(f"{', '.join(names[:3])}: {wrong[0]}")
     tried = [replace(one, records=with_torques(one.records, one.mechanism, settings)) for one in tried]
-    rows = [fitted_part(record, settings.fit_frames, name)
+    rows = [checks.fitted_part(record, settings.fit_frames, name)
             for record, name in zip(tried[0].records, names, strict=True)]  # fmt: skip
-    times = [prediction_times(record.time, stop, settings.until)
+    times = [checks.prediction_times(record.time, stop, settings.until)
              for record, (_, stop) in zip(tried[0].records, rows, strict=True)]  # fmt: skip
     tried = [replace(one, rows=rows) for one in tried]
     measured = {f"poses {i + 1}": table for i, table in enumerate(tables)}
@@ -353,7 +340,7 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> Tracked:
     if sight.tracks is not None:
         return _locate_and_track_points(job, sight, sight.tracks, mechanism)
     settings, log, progress = job.settings, job.log, job.progress
-    fix, free = camera_choices(settings)
+    fix, free = checks.camera_choices(settings)
     masks = _segmented(job, sight, mechanism) if sight.masks is None else sight.masks
     if shows_dots(mechanism):
         with log.stage("dots"):
@@ -375,9 +362,9 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> Tracked:
     sight.poses, sight.free_frames = poses, span[:2]
     moving = poses[slice(*np.searchsorted(poses.frame, span[:2]))]
     repeats = int(np.sum(np.isin(scene.masks.video.repeats.frames, moving.frame)))
-    others = left_out(scene.masks.background, given=settings.segment.roi is not None)
+    others = checks.left_out(scene.masks.background, given=settings.segment.roi is not None)
     notes = _clip_notes(video, None if job.masks is None else scene.masks.video)
-    notes = [*notes, *blurred(exposed, settings.camera), *span.notes, *untracked(moving, repeats)]
+    notes = [*notes, *blurred(exposed, settings.camera), *span.notes, *checks.untracked(moving, repeats)]
     instead = [] if log.comparison else ball_alone(job, masks, mechanism, moving)
     log.notes += [*instead, *scene.advice, *others, *notes]
     log.free_frames, by = span[:2], video.shrink
@@ -408,7 +395,7 @@ def _segmented(job: Job, sight: Sight, mechanism: Mechanism) -> Masks:
 def _locate_and_track_points(job: Job, sight: Sight, tracks: PointTracks, mechanism: Mechanism) -> Tracked:
     """Go from tracked points to poses, and write them."""
     settings, log, progress = job.settings, job.log, job.progress
-    fix, free = camera_choices(settings)
+    fix, free = checks.camera_choices(settings)
     with log.stage("locate"):
         scene = locate(
             tracks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free,
@@ -421,7 +408,7 @@ def _locate_and_track_points(job: Job, sight: Sight, tracks: PointTracks, mechan
     sight.poses, sight.free_frames = poses, span[:2]
     moving = poses[slice(*np.searchsorted(poses.frame, span[:2]))]
     notes = _clip_notes(sight.video, tracks.clip)
-    log.notes += [*tracks.notes, *scene.advice, *notes, *span.notes, *unshown(moving)]
+    log.notes += [*tracks.notes, *scene.advice, *notes, *span.notes, *checks.unshown(moving)]
     log.free_frames = span[:2]
     job.write_poses(poses, scene.mechanism)
     return Tracked(scene, poses, span)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from monodyn.arrays import Frozen, clock, frozen
+from monodyn.arrays import Frozen, clock, freeze
 from monodyn.errors import VideoError
 from monodyn.extras import extra
 from monodyn.markup import brief, card, counted, stretch, table
@@ -130,10 +130,8 @@ class TorqueLog(Frozen):
 
     def __post_init__(self) -> None:
         check_fields(self, "TorqueLog")
-        set_ = object.__setattr__
-        set_(self, "time", frozen("TorqueLog.time", self.time, (None,), error=VideoError))
-        shape = (len(self.time), len(self.joints))
-        set_(self, "torque", frozen("TorqueLog.torque", self.torque, shape, error=VideoError))
+        freeze(self, (None,), "time", error=VideoError)
+        freeze(self, (len(self.time), len(self.joints)), "torque", error=VideoError)
         clock("TorqueLog.time", self.time, error=VideoError)
         if len(self.time) < 2 or not np.isfinite(self.torque).all() or not self.torque.any():
             raise VideoError(
@@ -188,29 +186,20 @@ class Poses(Frozen):
     def __post_init__(self) -> None:
         check_fields(self, "Poses")
         frames, dofs = len(self.time), len(self.joints)
-        set_ = object.__setattr__
-        set_(self, "frame", frozen("Poses.frame", self.frame, (frames,), dtype=np.int64, error=VideoError))
-        set_(self, "time", frozen("Poses.time", self.time, (frames,), error=VideoError))
-        set_(self, "position", frozen("Poses.position", self.position, (frames, dofs), error=VideoError))
-        set_(
-            self,
-            "covariance",
-            frozen("Poses.covariance", self.covariance, (frames, dofs, dofs), error=VideoError),
-        )
-        set_(self, "seen", frozen("Poses.seen", self.seen, (frames,), dtype=np.bool_, error=VideoError))
+        freeze(self, (frames,), "frame", dtype=np.int64, error=VideoError)
+        freeze(self, (frames,), "time", error=VideoError)
+        freeze(self, (frames, dofs), "position", error=VideoError)
+        freeze(self, (frames, dofs, dofs), "covariance", error=VideoError)
+        freeze(self, (frames,), "seen", dtype=np.bool_, error=VideoError)
         if self.joint_seen is not None:
-            joints = frozen(
-                "Poses.joint_seen", self.joint_seen, (frames, dofs), dtype=np.bool_, error=VideoError
-            )
-            set_(self, "joint_seen", joints)
-            if np.any(self.seen != joints.all(axis=1)):
+            freeze(self, (frames, dofs), "joint_seen", dtype=np.bool_, error=VideoError)
+            if np.any(self.seen != self.joint_seen.all(axis=1)):
                 raise VideoError(
                     "Poses.seen: expected the frames in which every joint was seen, got others; change "
                     "'joint_seen' too."
                 )
         if self.shifts is not None:
-            shifts = frozen("Poses.shifts", self.shifts, (None, frames, dofs), error=VideoError)
-            set_(self, "shifts", shifts)
+            freeze(self, (None, frames, dofs), "shifts", error=VideoError)
         clock("Poses.time", self.time, error=VideoError)
         if self.roll is not None and not abs(self.roll) <= 2.0 * math.pi:
             raise VideoError(

@@ -81,7 +81,7 @@ def test_strict_has_its_camera_from_depth_and_place(
         return view, History("none", np.array([1]), np.array([0.0]))
 
     for name in without:
-        monkeypatch.setattr(sequential, name, nothing)
+        monkeypatch.setattr(sequential.subproblems, name, nothing)
     image = silhouette_of()
     found, _ = strict(image, wrong_view(tmp_path))
     assert mismatch(image, found.rig, found.position) > 0.15 * image.area
@@ -95,7 +95,7 @@ def test_the_camera_stands_while_pose_and_ratios_are_searched(
     given: list[tuple[bool, ...]] = []
 
     def watched(name: str) -> None:
-        search = getattr(sequential, name)
+        search = getattr(sequential.subproblems, name)
 
         def watch(image: SilhouetteImage, view: ModelView, **steps: float) -> tuple[ModelView, History]:
             found, history = search(image, view, **steps)
@@ -103,7 +103,7 @@ def test_the_camera_stands_while_pose_and_ratios_are_searched(
             np.testing.assert_array_equal(found.base.camera, view.base.camera)
             return found, history
 
-        monkeypatch.setattr(sequential, name, watch)
+        monkeypatch.setattr(sequential.subproblems, name, watch)
 
     watched("fit_pose")
     watched("fit_ratios")

@@ -81,7 +81,7 @@ def test_a_plane_of_borders_is_no_colour(
     bordered = replace(scene, masks=replace(masks, palette=palette))
     said: list[str] = []
     monkeypatch.setattr(
-        panels, "panel", lambda title, picture, keys, width: said.extend(k.text for k in keys)
+        panels.sheet, "panel", lambda title, picture, keys, width: said.extend(k.text for k in keys)
     )
     panels.foreground_panels(sight_of((bordered, filmed[1])))
     assert {text.split(":")[0] for text in said} == {"colour 1", "any other difference"}

@@ -73,51 +73,38 @@ def clip_of(clip: Path | None, settings: RunSettings) -> Path | None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunOptions(CommonOptions):
+class ClipOptions(CommonOptions):
+    """What the commands that go through a clip have in common.
+
+    Attributes:
+        clip: Video file, or folder of numbered pictures. Next to --points or --masks it gives time stamps,
+            size and overlay, and may be left out.
+        out: Folder for the results.
+    """
+
+    clip: Path | None = field(default=None, metadata=CLIP)
+    out: Path = field(metadata=FOLDER)
+
+    def go(self) -> int:
+        """Return the exit code after running the command."""
+        clip = clip_of(self.clip, self.settings)
+        from monodyn import pipeline
+
+        work = pipeline.track_clip if isinstance(self, TrackOptions) else pipeline.run
+        with self.progress() as progress:
+            outcome = work(clip, self.model, self.out, self.settings, force=self.force, progress=progress)
+        return self.show(outcome)
+
+
+class RunOptions(ClipOptions):
     """Track a clip, identify the mechanism on some of its frames, predict the others, write the run folder.
 
-    Attributes:
-        clip: Video file, or folder of numbered pictures. Next to --points or --masks it gives time stamps,
-            size and overlay, and may be left out.
-        out: Folder for the results.
+    Its options are those of every command that goes through a clip.
     """
 
-    clip: Path | None = field(default=None, metadata=CLIP)
-    out: Path = field(metadata=FOLDER)
 
-    def go(self) -> int:
-        """Return the exit code after running the command."""
-        clip = clip_of(self.clip, self.settings)
-        from monodyn.pipeline import run
-
-        with self.progress() as progress:
-            outcome = run(clip, self.model, self.out, self.settings, force=self.force, progress=progress)
-        return self.show(outcome)
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrackOptions(CommonOptions):
-    """Track a clip and write poses.csv; slides are in the start scale of the model.
-
-    Attributes:
-        clip: Video file, or folder of numbered pictures. Next to --points or --masks it gives time stamps,
-            size and overlay, and may be left out.
-        out: Folder for the results.
-    """
-
-    clip: Path | None = field(default=None, metadata=CLIP)
-    out: Path = field(metadata=FOLDER)
-
-    def go(self) -> int:
-        """Return the exit code after running the command."""
-        clip = clip_of(self.clip, self.settings)
-        from monodyn.pipeline import track_clip
-
-        with self.progress() as progress:
-            outcome = track_clip(
-                clip, self.model, self.out, self.settings, force=self.force, progress=progress
-            )
-        return self.show(outcome)
+class TrackOptions(ClipOptions):
+    """Track a clip and write poses.csv; slides are in the start scale of the model."""
 
 
 @dataclass(frozen=True, kw_only=True)

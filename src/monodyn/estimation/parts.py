@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.arrays import Frozen, frozen
+from monodyn.arrays import Frozen, freeze
 
 
 class Premise(str):
@@ -55,8 +55,8 @@ class Start(Frozen):
 
     def __post_init__(self) -> None:
         dofs = len(self.position)
-        for name, shape in (("position", (dofs,)), ("velocity", (dofs,)), ("covariance", (2 * dofs,) * 2)):
-            object.__setattr__(self, name, frozen(f"Start.{name}", getattr(self, name), shape))
+        freeze(self, (dofs,), "position", "velocity")
+        freeze(self, (2 * dofs,) * 2, "covariance")
 
 
 class TriedTorque(NamedTuple):

@@ -11,18 +11,9 @@ from typing import Any
 import numpy as np
 
 from monodyn.arrays import plain
+from monodyn.mechanism import tree
 from monodyn.mechanism.plan import JOINT_COLUMNS, Plan
 from monodyn.mechanism.solids import BLOCK, CYLINDER, SPHERE, Solid
-from monodyn.mechanism.tree import (
-    ANCHOR_X,
-    ANCHOR_Y,
-    COM_X,
-    COM_Y,
-    INERTIA,
-    MASS,
-    Shapes,
-    Tree,
-)  # fmt: skip
 
 STEP = 1e-30
 """Complex step; its square vanishes next to any value, so the derivative is exact to rounding."""
@@ -49,7 +40,7 @@ def links_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
     links[...] = plan.template.reshape(*plan.template.shape, *(1,) * len(rest))
     links[:, JOINT_COLUMNS] = values[plan.joints]
     for i in range(len(plan.links)):
-        links[i, ANCHOR_X], links[i, ANCHOR_Y] = rows[2 * i], rows[2 * i + 1]
+        links[i, tree.ANCHOR_X], links[i, tree.ANCHOR_Y] = rows[2 * i], rows[2 * i + 1]
         owned = plan.owned[i]
         if owned is not None:
             mass, x, y, inertia = _body(plan, i, rows, numbers)
@@ -59,10 +50,10 @@ def links_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> np.ndarray:
             if own[m]:
                 inertia = inertia * (numbers[m] / mass)
                 mass = numbers[m]
-            links[i, MASS] = mass
-            links[i, COM_X] = numbers[cx] if own[cx] else x
-            links[i, COM_Y] = numbers[cy] if own[cy] else y
-            links[i, INERTIA] = numbers[j] if own[j] else inertia
+            links[i, tree.MASS] = mass
+            links[i, tree.COM_X] = numbers[cx] if own[cx] else x
+            links[i, tree.COM_Y] = numbers[cy] if own[cy] else y
+            links[i, tree.INERTIA] = numbers[j] if own[j] else inertia
     return links
 
 
@@ -149,7 +140,7 @@ def _solid(solid: Solid, along: Any, across: Any, deep: Any) -> tuple[Any, Any]:
     return volume, (beside * flat + about * rise) / (flat + rise)
 
 
-def tree_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> Tree:
+def tree_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> tree.Tree:
     """Return the joint tree at these parameter values.
 
     Args:
@@ -160,10 +151,10 @@ def tree_of(plan: Plan, values: np.ndarray, own: np.ndarray) -> Tree:
     links, gravity = links_of(plan, values, own), np.array([0.0, -values[plan.index["gravity"]]])
     # nobody else has them, so that the tree needs no copies
     links.flags.writeable = gravity.flags.writeable = False
-    return Tree(plan.parent, plan.kind, links, gravity)
+    return tree.Tree(plan.parent, plan.kind, links, gravity)
 
 
-def shapes_of(plan: Plan, values: np.ndarray) -> Shapes:
+def shapes_of(plan: Plan, values: np.ndarray) -> tree.Shapes:
     """Return the shapes that the camera sees at these parameter values.
 
     Args:
@@ -172,7 +163,7 @@ def shapes_of(plan: Plan, values: np.ndarray) -> Shapes:
     """
     points, radius = outlines_of_many(plan, values[np.newaxis])
     bodies = tuple(solid.body for solid in plan.drawn)
-    return Shapes(plan.shape_link, bodies, plan.first, points[0], radius[0])
+    return tree.Shapes(plan.shape_link, bodies, plan.first, points[0], radius[0])
 
 
 def outlines_of_many(plan: Plan, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

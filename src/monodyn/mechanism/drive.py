@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from numba import njit
 
-from monodyn.arrays import Frozen, frozen, increasing
+from monodyn.arrays import Frozen, freeze, increasing
 from monodyn.errors import MechanismError, SettingsError
 from monodyn.mechanism.tree import Directions
 from monodyn.uncounted import UNCOUNTED
@@ -50,17 +50,13 @@ class Drive(Frozen):
     lagging: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        # Fields of a frozen dataclass are set past its guard once, to read-only copies: mechanisms share
-        # drives. A complex table stays complex, because the kernels are differentiated by complex steps.
-        set_ = object.__setattr__
+        # a complex table stays complex, because the kernels are differentiated by complex steps
         number = complex if np.iscomplexobj(self.table) else float
-        set_(self, "times", frozen("Drive.times", self.times, (None,), error=MechanismError))
-        shape = (None, None)
-        set_(self, "table", frozen("Drive.table", self.table, shape, dtype=number, error=MechanismError))
+        freeze(self, (None,), "times", error=MechanismError)
+        freeze(self, (None, None), "table", dtype=number, error=MechanismError)
         columns = self.table.shape[1]
         if self.lagging is not None:
-            lagging = frozen("Drive.lagging", self.lagging, self.table.shape, error=MechanismError)
-            set_(self, "lagging", lagging)
+            freeze(self, self.table.shape, "lagging", error=MechanismError)
         if self.mode == FOURIER:
             period = self.times.tolist()
             if len(period) != 1 or not 0 < period[0] < np.inf:

@@ -15,40 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.mechanism import looks, tree
 from monodyn.mechanism.drive import FOURIER, KNOTS
-from monodyn.mechanism.looks import (
-    DIGITS,
-    MESH_DIGITS,
-    Look,
-    axis_text,
-    depth_of,
-    looks_of,
-    numbers,
-    place_digits,
-    remark,
-    save,
-    significant,
-    turned,
-    world,
-)
 from monodyn.mechanism.model import Mechanism
-from monodyn.mechanism.tree import (
-    AIR,
-    ANCHOR_X,
-    ANCHOR_Y,
-    ANGLE,
-    ARMATURE,
-    COM_X,
-    COM_Y,
-    DAMPING,
-    DRAG,
-    FRICTION,
-    INERTIA,
-    LEAD,
-    MASS,
-    REST,
-    STIFFNESS,
-)  # fmt: skip
 
 FIRM = {"solreffriction": "0.002 1", "solimpfriction": "0.999 0.9999 0.001"}
 """What makes MuJoCo's friction loss turn where the rate does: by default it does so 10 ms ahead, and lets a
@@ -142,20 +111,20 @@ def write_mjcf(
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     gravity = mechanism.tree.gravity
     ET.SubElement(
-        root, "option", gravity=numbers(gravity[0], 0, gravity[1]), integrator="RK4", timestep="0.001"
+        root, "option", gravity=looks.numbers(gravity[0], 0, gravity[1]), integrator="RK4", timestep="0.001"
     )
     default = ET.SubElement(root, "default")
     ET.SubElement(default, "geom", contype="0", conaffinity="0")
-    if np.any(mechanism.tree.links[:, FRICTION]):
+    if np.any(mechanism.tree.links[:, tree.FRICTION]):
         ET.SubElement(default, "joint", FIRM)
     root.extend(_customs(mechanism))
     asset = ET.SubElement(root, "asset")
     scene = ET.SubElement(root, "worldbody")
-    places, digits = {-1: scene}, place_digits(mechanism)
+    places, digits = {-1: scene}, looks.place_digits(mechanism)
     for group in _groups(mechanism):
         body = _body(mechanism, group, places[int(mechanism.tree.parent[group[0]])], digits)
         places[group[-1]] = body
-        for look in looks_of(mechanism, group[-1]):
+        for look in looks.looks_of(mechanism, group[-1]):
             _geom(look, body, asset, digits)
         _sites(mechanism, group[-1], body, digits)
     if not len(asset):
@@ -171,9 +140,9 @@ def write_mjcf(
     if keyframes:
         listed = ET.SubElement(root, "keyframe")
         for key in keyframes:
-            qpos, qvel = numbers(*key.position), numbers(*key.velocity)
-            ET.SubElement(listed, "key", name=key.name, time=numbers(key.time), qpos=qpos, qvel=qvel)
-    save(root, path, [*remarks, INTEGRATOR])
+            qpos, qvel = looks.numbers(*key.position), looks.numbers(*key.velocity)
+            ET.SubElement(listed, "key", name=key.name, time=looks.numbers(key.time), qpos=qpos, qvel=qvel)
+    looks.save(root, path, [*remarks, INTEGRATOR])
 
 
 def motor_at(joint: str) -> str:
@@ -189,21 +158,21 @@ def _customs(mechanism: Mechanism) -> list[ET.Element]:
     """Return what MJCF has no place for, as numbers: the drag of the air on the links, leads of dry friction,
     which follow from none of its attributes to the last digit, and the drive."""
     custom, said = ET.Element("custom"), []
-    for kind, column, about in (("air", AIR, AIRED), ("lead", LEAD, LED)):
+    for kind, column, about in (("air", tree.AIR, AIRED), ("lead", tree.LEAD, LED)):
         rows = mechanism.tree.links[:, column]
         for joint, value in zip(mechanism.joints, rows, strict=True):
             if value:
-                ET.SubElement(custom, "numeric", name=f"{joint.name}.{kind}", data=numbers(value))
+                ET.SubElement(custom, "numeric", name=f"{joint.name}.{kind}", data=looks.numbers(value))
         said += [about] if np.any(rows) else []
     drive = mechanism.drive
     if drive.mode in (FOURIER, KNOTS):
         series = drive.mode == FOURIER
         said.append(SERIES if series else HATS)
         clock = "torque.period" if series else "torque.times"
-        ET.SubElement(custom, "numeric", name=clock, data=numbers(*drive.times))
+        ET.SubElement(custom, "numeric", name=clock, data=looks.numbers(*drive.times))
         for joint, row in zip(mechanism.joints, drive.table, strict=True):
-            ET.SubElement(custom, "numeric", name=f"{joint.name}.torque", data=numbers(*row))
-    return [*(remark(text) for text in said), custom] if said else []
+            ET.SubElement(custom, "numeric", name=f"{joint.name}.torque", data=looks.numbers(*row))
+    return [*(looks.remark(text) for text in said), custom] if said else []
 
 
 def _groups(mechanism: Mechanism) -> list[list[int]]:
@@ -220,77 +189,83 @@ def _groups(mechanism: Mechanism) -> list[list[int]]:
 
 def _body(mechanism: Mechanism, group: list[int], parent: ET.Element, digits: int) -> ET.Element:
     """Add a body with its joints and inertial."""
-    tree = mechanism.tree
-    links = tree.links
+    links = mechanism.tree.links
     first, last = group[0], group[-1]
-    angle = round(float(links[first, ANGLE]), DIGITS)
+    angle = round(float(links[first, tree.ANGLE]), looks.DIGITS)
     # MuJoCo's body has one frame for all of its joints, ours has a link for each: the body stands where the
     # last joint is at zero, and the others are placed backwards from there.
-    anchors = links[group][:, [ANCHOR_X, ANCHOR_Y]]
+    anchors = links[group][:, [tree.ANCHOR_X, tree.ANCHOR_Y]]
     rest = anchors[1:].sum(axis=0)
-    x, y = anchors[0] + turned(rest, angle)
-    z = depth_of(mechanism, last) - depth_of(mechanism, int(tree.parent[first]))
-    name, place = mechanism.joints[last].body, numbers(x, -z, y, digits=digits)
+    x, y = anchors[0] + looks.turned(rest, angle)
+    z = looks.depth_of(mechanism, last) - looks.depth_of(mechanism, int(mechanism.tree.parent[first]))
+    name, place = mechanism.joints[last].body, looks.numbers(x, -z, y, digits=digits)
     body = ET.SubElement(parent, "body", name=name, pos=place)
     if angle:
-        body.set("euler", numbers(0, -angle, 0))
+        body.set("euler", looks.numbers(0, -angle, 0))
     for k, i in enumerate(group):
         joint, row = mechanism.joints[i], links[i]
         back = np.round(-anchors[k + 1 :].sum(axis=0), digits)
         element = ET.SubElement(
-            body, "joint", name=joint.name, type=joint.kind, axis=axis_text(tree.kind[i], row)
+            body, "joint", name=joint.name, type=joint.kind, axis=looks.axis_text(mechanism.tree.kind[i], row)
         )
         # where a slide is written does not matter
         if np.any(back) and joint.kind == "hinge":
-            element.set("pos", numbers(back[0], 0, back[1]))
-        columns = {"damping": DAMPING, "frictionloss": FRICTION, "stiffness": STIFFNESS, "armature": ARMATURE}
+            element.set("pos", looks.numbers(back[0], 0, back[1]))
+        columns = {
+            "damping": tree.DAMPING,
+            "frictionloss": tree.FRICTION,
+            "stiffness": tree.STIFFNESS,
+            "armature": tree.ARMATURE,
+        }
         for name, column in columns.items():
-            if name == "damping" and row[DRAG]:
+            if name == "damping" and row[tree.DRAG]:
                 # MuJoCo's damping is -(b + b1 |v| + ...) v: its second number is the drag
-                element.set(name, numbers(row[DAMPING], row[DRAG]))
+                element.set(name, looks.numbers(row[tree.DAMPING], row[tree.DRAG]))
             elif row[column]:
-                element.set(name, numbers(row[column]))
-        if row[FRICTION] and row[LEAD]:
-            element.set("solreffriction", numbers(max(2.0 * row[LEAD] / MOST_FIRM, LEAST_SOFT), 1))
-        if row[REST]:
-            element.set("springref", numbers(row[REST]))
+                element.set(name, looks.numbers(row[column]))
+        if row[tree.FRICTION] and row[tree.LEAD]:
+            element.set("solreffriction", looks.numbers(max(2.0 * row[tree.LEAD] / MOST_FIRM, LEAST_SOFT), 1))
+        if row[tree.REST]:
+            element.set("springref", looks.numbers(row[tree.REST]))
         if joint.lower > -math.inf or joint.upper < math.inf:
-            element.set("range", numbers(joint.lower, joint.upper))
+            element.set("range", looks.numbers(joint.lower, joint.upper))
     row = links[last]
-    ET.SubElement(
-        body, "inertial", pos=numbers(row[COM_X], 0, row[COM_Y], digits=digits),
-        mass=numbers(row[MASS]), diaginertia=numbers(*[significant(row[INERTIA])] * 3),
-    )  # fmt: skip
+    middle = looks.numbers(row[tree.COM_X], 0, row[tree.COM_Y], digits=digits)
+    mass, inertia = looks.numbers(row[tree.MASS]), looks.significant(row[tree.INERTIA])
+    around = looks.numbers(*[inertia] * 3)
+    ET.SubElement(body, "inertial", pos=middle, mass=mass, diaginertia=around)
     return body
 
 
-def _geom(look: Look, body: ET.Element, asset: ET.Element, digits: int) -> None:
+def _geom(look: looks.Look, body: ET.Element, asset: ET.Element, digits: int) -> None:
     """Add a geom, and its mesh if it is one."""
     if look.kind == "mesh":
         name = f"shape{len(asset)}"
-        corners = numbers(*world(look.points).ravel(), digits=digits - DIGITS + MESH_DIGITS)
+        corners = looks.numbers(
+            *looks.world(look.points).ravel(), digits=digits - looks.DIGITS + looks.MESH_DIGITS
+        )
         ET.SubElement(asset, "mesh", name=name, vertex=corners)
         ET.SubElement(body, "geom", type="mesh", mesh=name)
         return
-    middle = world(look.middle)
+    middle = looks.world(look.middle)
     if look.kind in ("capsule", "cylinder"):
-        half = world(np.array([*(look.along * look.direction), look.deep])) / 2
-        ends = numbers(*(middle - half), *(middle + half), digits=digits)
-        radius = numbers(look.across / 2, digits=digits)
+        half = looks.world(np.array([*(look.along * look.direction), look.deep])) / 2
+        ends = looks.numbers(*(middle - half), *(middle + half), digits=digits)
+        radius = looks.numbers(look.across / 2, digits=digits)
         ET.SubElement(body, "geom", type=look.kind, size=radius, fromto=ends)
         return
     along, across, angle = look.along, look.across, math.atan2(look.direction[1], look.direction[0])
     # a box that is turned by a quarter is one with its sides exchanged: which of them is read as its length
     # depends on which is longer
     quarters = round(angle / (math.pi / 2))
-    angle = round(angle - quarters * (math.pi / 2), DIGITS)
+    angle = round(angle - quarters * (math.pi / 2), looks.DIGITS)
     if quarters % 2:
         along, across = across, along
     half = (across,) if look.kind == "sphere" else (along, look.deep, across)
-    size = numbers(*(width / 2 for width in half), digits=digits)
-    geom = ET.SubElement(body, "geom", type=look.kind, size=size, pos=numbers(*middle, digits=digits))
+    size = looks.numbers(*(width / 2 for width in half), digits=digits)
+    geom = ET.SubElement(body, "geom", type=look.kind, size=size, pos=looks.numbers(*middle, digits=digits))
     if angle and look.kind != "sphere":
-        geom.set("euler", numbers(0, -angle, 0))
+        geom.set("euler", looks.numbers(0, -angle, 0))
 
 
 def _sites(mechanism: Mechanism, link: int, body: ET.Element, digits: int) -> None:
@@ -299,8 +274,8 @@ def _sites(mechanism: Mechanism, link: int, body: ET.Element, digits: int) -> No
     length = f"{part.joint.body}.length"
     grown = mechanism.values[length] / table.start[mechanism.row(length)] if length in table.names else 1.0
     for site in part.sites:
-        place = world(np.array([[*site.place, site.ahead]]) * grown)[0]
-        ET.SubElement(body, "site", name=site.name, pos=numbers(*place, digits=digits))
+        place = looks.world(np.array([[*site.place, site.ahead]]) * grown)[0]
+        ET.SubElement(body, "site", name=site.name, pos=looks.numbers(*place, digits=digits))
 
 
 def _camera(eye: Eye) -> ET.Element:
@@ -308,8 +283,9 @@ def _camera(eye: Eye) -> ET.Element:
     width, height = eye.size
     # MuJoCo takes degrees here whatever the file's angles are in
     view = math.degrees(2.0 * math.atan2(height / 2.0, eye.focal))
-    axes = numbers(*world(eye.right), *world(eye.up))
+    axes = looks.numbers(*looks.world(eye.right), *looks.world(eye.up))
+    place = looks.numbers(*looks.world(eye.place))
+    resolution = f"{width} {height}"
     return ET.Element(
-        "camera", name=eye.name, pos=numbers(*world(eye.place)), xyaxes=axes, fovy=numbers(view),
-        resolution=f"{width} {height}",
-    )  # fmt: skip
+        "camera", name=eye.name, pos=place, xyaxes=axes, fovy=looks.numbers(view), resolution=resolution
+    )

@@ -15,47 +15,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.mechanism.axis import (
-    TINY,
-    Axis,
-    AxisNames,
-    Form,
-    caps_of,
-    is_rod,
-    long_axis,
-    main_geom,
-    plus,
-    profile,
-)
+from monodyn.mechanism import axis as axes
+from monodyn.mechanism import tree
 from monodyn.mechanism.packed import Packed, pack
 from monodyn.mechanism.parts import ANY, NOT_NEGATIVE, Entry, Link, Table
 from monodyn.mechanism.places import Naming, half_across, main_ends, main_sides
 from monodyn.mechanism.solids import Solid, geom_solid, given_solid
-from monodyn.mechanism.tree import (
-    AIR,
-    ANGLE,
-    ARMATURE,
-    AXIS_X,
-    AXIS_Y,
-    COLUMNS,
-    COM_X,
-    COM_Y,
-    DAMPING,
-    DRAG,
-    FRICTION,
-    HINGE,
-    INERTIA,
-    LEAD,
-    LONGEST_LEAD,
-    MASS,
-    REST,
-    SLIDE,
-    STIFFNESS,
-)  # fmt: skip
 
 OWNED_KINDS = ("mass", "com_x", "com_y", "inertia")
 """Kinds of the parameters that may follow from the others of a body, in the order of ``Plan.owned``."""
-OWNED_COLUMNS = (MASS, COM_X, COM_Y, INERTIA)
+OWNED_COLUMNS = (tree.MASS, tree.COM_X, tree.COM_Y, tree.INERTIA)
 """Their columns in ``Tree.links``."""
 
 
@@ -74,14 +43,14 @@ class JointTerm(NamedTuple):
 
 
 JOINT = {
-    "damping": JointTerm(DAMPING, "N m s/rad", "N s/m"),
-    "friction": JointTerm(FRICTION, "N m", "N"),
-    "stiffness": JointTerm(STIFFNESS, "N m/rad", "N/m"),
-    "rest": JointTerm(REST, "rad", "m"),
-    "armature": JointTerm(ARMATURE, "kg m^2", "kg"),
-    "drag": JointTerm(DRAG, "N m s^2/rad^2", "N s^2/m^2"),
-    "air": JointTerm(AIR, "N m s^2/rad^2", "N s^2/m^2"),
-    "lead": JointTerm(LEAD, "s", "s"),
+    "damping": JointTerm(tree.DAMPING, "N m s/rad", "N s/m"),
+    "friction": JointTerm(tree.FRICTION, "N m", "N"),
+    "stiffness": JointTerm(tree.STIFFNESS, "N m/rad", "N/m"),
+    "rest": JointTerm(tree.REST, "rad", "m"),
+    "armature": JointTerm(tree.ARMATURE, "kg m^2", "kg"),
+    "drag": JointTerm(tree.DRAG, "N m s^2/rad^2", "N s^2/m^2"),
+    "air": JointTerm(tree.AIR, "N m s^2/rad^2", "N s^2/m^2"),
+    "lead": JointTerm(tree.LEAD, "s", "s"),
 }
 """The parameters of every joint by kind, in the order in which they are entered."""
 JOINT_COLUMNS = [term.column for term in JOINT.values()]
@@ -179,17 +148,19 @@ def make_plan(links: Sequence[Link], gravity: float) -> Plan:
     """
     table = Table()
     reach = 1e3 * _reach(links)
-    anchors: list[tuple[Form, Form]] = [({"": float(k.anchor[0])}, {"": float(k.anchor[1])}) for k in links]
+    anchors: list[tuple[axes.Form, axes.Form]] = [
+        ({"": float(k.anchor[0])}, {"": float(k.anchor[1])}) for k in links
+    ]
     solids: list[list[Solid]] = []
-    depths: list[Form] = []
+    depths: list[axes.Form] = []
     # A parent comes before its children, so that anchors of children are forms before they are stacked.
     for i, link in enumerate(links):
-        depth: Form = depths[link.parent] if link.parent >= 0 else {}
+        depth: axes.Form = depths[link.parent] if link.parent >= 0 else {}
         solids.append([])
         if link.carries:
             children = [k for k in range(len(links)) if links[k].parent == i]
             axis = _enter_body(link, [links[k].anchor for k in children], table)
-            depth = plus(depth, _enter_offset(links, i, table, reach))
+            depth = axes.plus(depth, _enter_offset(links, i, table, reach))
             for k in children:
                 anchors[k] = axis.point(links[k].anchor)
             solids[i] = _enter_solids(link, axis, table, depth)
@@ -216,17 +187,17 @@ def _reach(links: Sequence[Link]) -> float:
     return max(sizes, default=0.0) or 1.0
 
 
-def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
+def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> axes.Axis:
     """Enter length, width, tail and tip of a body and return its long axis."""
     body = link.joint.body
-    profiles = [profile(g) for g in link.geoms if g.body == body]
-    along, length = long_axis(link, anchors, profiles)
-    main = main_geom(profiles)
+    profiles = [axes.profile(g) for g in link.geoms if g.body == body]
+    along, length = axes.long_axis(link, anchors, profiles)
+    main = axes.main_geom(profiles)
     name = ""
     if length > 0:
         name = table.add(Entry(f"{body}.length", "length", body, length, "m", free=True))
-    cart = link.joint.kind == "slide" and not any(abs(float(a @ along)) > TINY * length for a in anchors)
-    caps = caps_of(link, anchors, profiles, along)
+    cart = link.joint.kind == "slide" and not any(abs(float(a @ along)) > axes.TINY * length for a in anchors)
+    caps = axes.caps_of(link, anchors, profiles, along)
     ends = main_ends(main, along, caps)
     places = [float(a @ along) for a in anchors]
     tail, tip = (0.0, 0.0) if cart or not name else _overhang([*places, *ends], length)
@@ -246,27 +217,27 @@ def _enter_body(link: Link, anchors: list[np.ndarray], table: Table) -> Axis:
         table.add(Entry(f"{body}.width", "width", body, width, "m", free=True, against=name))
     across = f"{body}.width" if width else ""
     aside = [float(a @ np.array([-along[1], along[0]])) for a in anchors]
-    return Axis(
+    return axes.Axis(
         along=along,
         length=length,
         tail=tail,
         tip=tip,
         width=width,
-        names=AxisNames(length=name, tail=names["tail"], tip=names["tip"], width=across),
+        names=axes.AxisNames(length=name, tail=names["tail"], tip=names["tip"], width=across),
         marks=(0.0, length, *places, *ends),
         marks_across=(0.0, *aside, *main_sides(main, along)),
         caps=caps,
-        thick="" if main is None else across if is_rod(main) else f"{body}.thickness",
+        thick="" if main is None else across if axes.is_rod(main) else f"{body}.thickness",
     )
 
 
 def _overhang(places: Sequence[float], length: float) -> tuple[float, float]:
     """Return how far hinges and main geom reach behind the hinge and beyond the length [m], or 0."""
     tail, tip = -min(places, default=0.0), max(places, default=0.0) - length
-    return (tail if tail > TINY * length else 0.0), (tip if tip > TINY * length else 0.0)
+    return (tail if tail > axes.TINY * length else 0.0), (tip if tip > axes.TINY * length else 0.0)
 
 
-def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> Form:
+def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> axes.Form:
     """Return the form of a body's distance from its parent body, a parameter if that one moves too."""
     # Massless links of a body with several joints are skipped: the parent is the last link that carries one.
     base = i
@@ -282,14 +253,14 @@ def _enter_offset(links: Sequence[Link], i: int, table: Table, reach: float) -> 
     return {name: 1.0}
 
 
-def _enter_solids(link: Link, axis: Axis, table: Table, depth: Form) -> list[Solid]:
+def _enter_solids(link: Link, axis: axes.Axis, table: Table, depth: axes.Form) -> list[Solid]:
     """Return the geoms and given inertials of a link as forms and enter their parameters."""
     body = link.joint.body
     alone = len(link.givens) + sum(1 for g in link.geoms if g.mass or (g.density and g.mass is None)) == 1
     solids = []
     for owner in dict.fromkeys([body] + [g.body for g in link.geoms]):
-        shapes = [profile(g) for g in link.geoms if g.body == owner]
-        main = main_geom(shapes)
+        shapes = [axes.profile(g) for g in link.geoms if g.body == owner]
+        main = axes.main_geom(shapes)
         for shape in shapes:
             kind = shape.geom.name or shape.geom.kind
             label = _free_name(f"{owner}.{kind}", table)
@@ -337,7 +308,7 @@ def _enter_joint(link: Link, table: Table) -> list[str]:
         free = kind == "damping" or (start > 0 and kind not in ("armature", "rest", "lead"))
         limits, sign = (_rests(link), ANY) if kind == "rest" else ((0.0, math.inf), NOT_NEGATIVE)
         if kind == "lead":
-            limits = (0.0, LONGEST_LEAD)
+            limits = (0.0, tree.LONGEST_LEAD)
         if kind == "damping":
             start = start or START_DAMPING
         unit = term.at_hinge if link.joint.kind == "hinge" else term.at_slide
@@ -354,10 +325,10 @@ def _rests(link: Link) -> tuple[float, float]:
 def _stack(
     links: Sequence[Link],
     table: Table,
-    anchors: list[tuple[Form, Form]],
+    anchors: list[tuple[axes.Form, axes.Form]],
     solids: list[list[Solid]],
     joints: list[list[str]],
-    depths: list[Form],
+    depths: list[axes.Form],
 ) -> Plan:
     """Turn the forms into matrices."""
     index = {name: row for row, name in enumerate(table.names)}
@@ -373,15 +344,15 @@ def _stack(
         heavy.append(tuple(rows))
     drawn = [(i, solid) for i, group in enumerate(solids) for solid in group if solid.look is not None]
     points = [form for _, solid in drawn for point in solid.points for form in point]
-    template = np.zeros((len(links), COLUMNS))
+    template = np.zeros((len(links), tree.COLUMNS))
     for i, link in enumerate(links):
-        template[i, [ANGLE, AXIS_X, AXIS_Y]] = link.angle, *link.axis
+        template[i, [tree.ANGLE, tree.AXIS_X, tree.AXIS_Y]] = link.angle, *link.axis
     return Plan(
         links=tuple(links),
         table=table,
         index=index,
         parent=np.array([link.parent for link in links], dtype=np.int64),
-        kind=np.array([HINGE if k.joint.kind == "hinge" else SLIDE for k in links], dtype=np.int64),
+        kind=np.array([tree.HINGE if k.joint.kind == "hinge" else tree.SLIDE for k in links], dtype=np.int64),
         template=template,
         forms=matrix(forms, index),
         solids=tuple(heavy),
@@ -413,7 +384,7 @@ def _ties(table: Table, index: dict[str, int]) -> tuple[tuple[int, np.ndarray], 
     return tuple((row, matrix([dict(tie)], index)[0]) for row, tie in tied)
 
 
-def matrix(forms: Sequence[Form], index: dict[str, int]) -> np.ndarray:
+def matrix(forms: Sequence[axes.Form], index: dict[str, int]) -> np.ndarray:
     """Return the rows of forms as a matrix on (values, 1).
 
     Args:

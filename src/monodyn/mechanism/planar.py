@@ -18,31 +18,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.mechanism import tree
 from monodyn.mechanism.ahead import smoothed_sign, turn_ahead
 from monodyn.mechanism.branches import factor, solve
 from monodyn.mechanism.drive import NONE, torque
 from monodyn.mechanism.reversals import is_held, part_of_step, turns
-from monodyn.mechanism.tree import (
-    AIR,
-    ANCHOR_X,
-    ANCHOR_Y,
-    ANGLE,
-    ARMATURE,
-    AXIS_X,
-    AXIS_Y,
-    COM_X,
-    COM_Y,
-    CREEP,
-    DAMPING,
-    DRAG,
-    FRICTION,
-    HINGE,
-    INERTIA,
-    LEAD,
-    MASS,
-    REST,
-    STIFFNESS,
-)  # fmt: skip
 from monodyn.uncounted import INLINED
 
 C, S, PHI, OX, OY, SW, SX, SY, VW, VX, VY, M, MX, MY, J, FN, FX, FY, AW, AX, AY = range(21)
@@ -59,12 +39,12 @@ def _place_inertia(i, links, ox, oy, w):  # pragma: no cover - compiled
 
     In this form inertias of links add up.
     """
-    x = ox + w[i, C] * links[i, COM_X] - w[i, S] * links[i, COM_Y]
-    y = oy + w[i, S] * links[i, COM_X] + w[i, C] * links[i, COM_Y]
-    w[i, M] = links[i, MASS]
-    w[i, MX] = links[i, MASS] * x
-    w[i, MY] = links[i, MASS] * y
-    w[i, J] = links[i, INERTIA] + w[i, MX] * x + w[i, MY] * y
+    x = ox + w[i, C] * links[i, tree.COM_X] - w[i, S] * links[i, tree.COM_Y]
+    y = oy + w[i, S] * links[i, tree.COM_X] + w[i, C] * links[i, tree.COM_Y]
+    w[i, M] = links[i, tree.MASS]
+    w[i, MX] = links[i, tree.MASS] * x
+    w[i, MY] = links[i, tree.MASS] * y
+    w[i, J] = links[i, tree.INERTIA] + w[i, MX] * x + w[i, MY] * y
     w[i, ALL_M], w[i, ALL_MX], w[i, ALL_MY], w[i, ALL_J] = w[i, M], w[i, MX], w[i, MY], w[i, J]
 
 
@@ -80,15 +60,15 @@ def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
         if p < 0:
             # Everything is about the first joint's place, near the mechanism: about a point far away the
             # moments of all links would be large and nearly cancel.
-            ox = links[i, ANCHOR_X] - links[0, ANCHOR_X]
-            oy = links[i, ANCHOR_Y] - links[0, ANCHOR_Y]
-            phi = links[i, ANGLE]
+            ox = links[i, tree.ANCHOR_X] - links[0, tree.ANCHOR_X]
+            oy = links[i, tree.ANCHOR_Y] - links[0, tree.ANCHOR_Y]
+            phi = links[i, tree.ANGLE]
         else:
-            ox = w[p, OX] + w[p, C] * links[i, ANCHOR_X] - w[p, S] * links[i, ANCHOR_Y]
-            oy = w[p, OY] + w[p, S] * links[i, ANCHOR_X] + w[p, C] * links[i, ANCHOR_Y]
-            phi = w[p, PHI] + links[i, ANGLE]
-        if kind[i] == HINGE:
-            sign = links[i, AXIS_X]
+            ox = w[p, OX] + w[p, C] * links[i, tree.ANCHOR_X] - w[p, S] * links[i, tree.ANCHOR_Y]
+            oy = w[p, OY] + w[p, S] * links[i, tree.ANCHOR_X] + w[p, C] * links[i, tree.ANCHOR_Y]
+            phi = w[p, PHI] + links[i, tree.ANGLE]
+        if kind[i] == tree.HINGE:
+            sign = links[i, tree.AXIS_X]
             phi += sign * q[i]
             w[i, C] = np.cos(phi)
             w[i, S] = np.sin(phi)
@@ -99,8 +79,8 @@ def place(parent, kind, links, q, v, w):  # pragma: no cover - compiled
         else:
             w[i, C] = np.cos(phi)
             w[i, S] = np.sin(phi)
-            dx = w[i, C] * links[i, AXIS_X] - w[i, S] * links[i, AXIS_Y]
-            dy = w[i, S] * links[i, AXIS_X] + w[i, C] * links[i, AXIS_Y]
+            dx = w[i, C] * links[i, tree.AXIS_X] - w[i, S] * links[i, tree.AXIS_Y]
+            dy = w[i, S] * links[i, tree.AXIS_X] + w[i, C] * links[i, tree.AXIS_Y]
             ox += dx * q[i]
             oy += dy * q[i]
             # A slide moves every point by the same amount, whatever the point of reference is.
@@ -160,10 +140,10 @@ def air_direction(i, kind, links, w):  # pragma: no cover - compiled
     square of its own speed; where the tip moves the same way as the hinge and no slower, moment and force are
     those within about 15 %. A slide's link is resisted along the slide.
     """
-    if kind[i] != HINGE:
+    if kind[i] != tree.HINGE:
         return w[i, OX] * w[i, SY] - w[i, OY] * w[i, SX], w[i, SX], w[i, SY]
-    m, cx, cy = links[i, MASS], links[i, COM_X], links[i, COM_Y]
-    inertia = links[i, INERTIA] + m * (cx * cx + cy * cy)
+    m, cx, cy = links[i, tree.MASS], links[i, tree.COM_X], links[i, tree.COM_Y]
+    inertia = links[i, tree.INERTIA] + m * (cx * cx + cy * cy)
     if inertia.real <= 0.0:
         return inertia * 0.0 + 1.0, inertia * 0.0, inertia * 0.0
     # one over the distance of the centre of oscillation, toward it
@@ -176,11 +156,11 @@ def air_direction(i, kind, links, w):  # pragma: no cover - compiled
 def resist(kind, links, w):  # pragma: no cover - compiled
     """Add what the air takes to the forces (FN, FX, FY) that the links need."""
     for i in range(kind.size):
-        if links[i, AIR] != 0.0:
+        if links[i, tree.AIR] != 0.0:
             n, x, y = air_direction(i, kind, links, w)
             z = n * w[i, VW] + x * w[i, VX] + y * w[i, VY]
             # |z| z is analytic on either side of 0, which a complex step needs; abs() of a complex is not
-            force = links[i, AIR] * (z * z if z.real > 0.0 else -z * z)
+            force = links[i, tree.AIR] * (z * z if z.real > 0.0 else -z * z)
             w[i, FN] += force * n
             w[i, FX] += force * x
             w[i, FY] += force * y
@@ -202,24 +182,24 @@ def forward(parent, kind, links, gravity, q, v, tau, hold, w, h, a):  # pragma: 
     for i in range(parent.size - 1, -1, -1):
         a[i] = (
             tau[i]
-            - links[i, DAMPING] * v[i]
-            - links[i, STIFFNESS] * (q[i] - links[i, REST])
+            - links[i, tree.DAMPING] * v[i]
+            - links[i, tree.STIFFNESS] * (q[i] - links[i, tree.REST])
             - (w[i, SW] * w[i, FN] + w[i, SX] * w[i, FX] + w[i, SY] * w[i, FY])
         )
-        if links[i, FRICTION] != 0.0:
-            if links[i, LEAD] != 0.0:
+        if links[i, tree.FRICTION] != 0.0:
+            if links[i, tree.LEAD] != 0.0:
                 leading = True
             else:
-                a[i] -= links[i, FRICTION] * smoothed_sign(v[i], CREEP[kind[i]])
-        if links[i, DRAG] != 0.0:
+                a[i] -= links[i, tree.FRICTION] * smoothed_sign(v[i], tree.CREEP[kind[i]])
+        if links[i, tree.DRAG] != 0.0:
             # as in ``resist``
-            a[i] -= links[i, DRAG] * (v[i] * v[i] if v[i].real > 0.0 else -v[i] * v[i])
+            a[i] -= links[i, tree.DRAG] * (v[i] * v[i] if v[i].real > 0.0 else -v[i] * v[i])
         # Composite rigid body: (turn, px, py) is the force that moves the rigid subtree with a unit
         # acceleration of joint i; its projection on the subspaces of the joints inward is a row of M(q).
         px = w[i, ALL_M] * w[i, SX] - w[i, SW] * w[i, ALL_MY]
         py = w[i, ALL_M] * w[i, SY] + w[i, SW] * w[i, ALL_MX]
         turn = w[i, ALL_J] * w[i, SW] + w[i, ALL_MX] * w[i, SY] - w[i, ALL_MY] * w[i, SX]
-        h[i, i] = w[i, SW] * turn + w[i, SX] * px + w[i, SY] * py + links[i, ARMATURE] + hold[i]
+        h[i, i] = w[i, SW] * turn + w[i, SX] * px + w[i, SY] * py + links[i, tree.ARMATURE] + hold[i]
         j = parent[i]
         if j >= 0:
             w[j, ALL_M] += w[i, ALL_M]
@@ -350,8 +330,8 @@ def energy(parent, kind, links, gravity, q, v):  # pragma: no cover - compiled
             py = w[i, M] * w[i, VY] + w[i, VW] * w[i, MX]
             turn = w[i, J] * w[i, VW] + w[i, MX] * w[i, VY] - w[i, MY] * w[i, VX]
             total[f] += 0.5 * (w[i, VW] * turn + w[i, VX] * px + w[i, VY] * py)
-            total[f] += 0.5 * links[i, ARMATURE] * v[f, i] * v[f, i]
+            total[f] += 0.5 * links[i, tree.ARMATURE] * v[f, i] * v[f, i]
             total[f] -= gravity[0] * w[i, MX] + gravity[1] * w[i, MY]
-            stretch = q[f, i] - links[i, REST]
-            total[f] += 0.5 * links[i, STIFFNESS] * stretch * stretch
+            stretch = q[f, i] - links[i, tree.REST]
+            total[f] += 0.5 * links[i, tree.STIFFNESS] * stretch * stretch
     return total

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from monodyn.arrays import Frozen, frozen, increasing, plain
+from monodyn.arrays import Frozen, freeze, frozen, increasing, plain
 from monodyn.errors import MechanismError
 from monodyn.mechanism.drive import KNOTS, UNDRIVEN, Drive
 from monodyn.mechanism.model import Mechanism
@@ -42,10 +42,8 @@ class Trajectory(Frozen):
 
     def __post_init__(self) -> None:
         shape = (len(self.time), None)
-        set_ = object.__setattr__
-        set_(self, "time", frozen("Trajectory.time", self.time, shape[:1], error=MechanismError))
-        set_(self, "position", frozen("Trajectory.position", self.position, shape, error=MechanismError))
-        set_(self, "velocity", frozen("Trajectory.velocity", self.velocity, shape, error=MechanismError))
+        freeze(self, shape[:1], "time", error=MechanismError)
+        freeze(self, shape, "position", "velocity", error=MechanismError)
 
 
 def simulate(

@@ -19,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.mechanism import tree
 from monodyn.mechanism.brakes import brake, braked
 from monodyn.mechanism.branches import solve_all
 from monodyn.mechanism.planar import (
@@ -48,21 +49,6 @@ from monodyn.mechanism.planar import (
     S,
     air_direction,
     forward,
-)  # fmt: skip
-from monodyn.mechanism.tree import (
-    AIR,
-    ANCHOR_X,
-    ANCHOR_Y,
-    ANGLE,
-    AXIS_X,
-    AXIS_Y,
-    COM_X,
-    COM_Y,
-    DAMPING,
-    INERTIA,
-    MASS,
-    SLIDE,
-    STIFFNESS,
 )  # fmt: skip
 from monodyn.uncounted import INLINED
 
@@ -106,10 +92,10 @@ def outward(parent, kind, links, gravity, v, a, w, d):  # pragma: no cover - com
         # the turn rate alone is left in one plane
         d[i, GN], d[i, GX], d[i, GY] = 2.0 * (mx * vx + my * vy), -2.0 * py, 2.0 * px
         d[i, RNN], d[i, RNX], d[i, RNY], d[i, RXX], d[i, RXY], d[i, RYY] = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        if links[i, AIR] != 0.0:
+        if links[i, tree.AIR] != 0.0:
             n, x, y = air_direction(i, kind, links, w)
             z = n * vw + x * vx + y * vy
-            force, slope = links[i, AIR] * abs(z) * z, 2.0 * links[i, AIR] * abs(z)
+            force, slope = links[i, tree.AIR] * abs(z) * z, 2.0 * links[i, tree.AIR] * abs(z)
             w[i, FN] += force * n
             w[i, FX] += force * x
             w[i, FY] += force * y
@@ -160,8 +146,8 @@ def by_state(parent, kind, links, v, a, w, d, by_q, by_v):  # pragma: no cover -
             by_q[i, j] = ix * d[j, BX] + iy * d[j, BY] + kx * vsx + ky * vsy
             by_v[i, j] = kn * w[j, SW] + kx * w[j, SX] + ky * w[j, SY] + 2.0 * (ix * vsx + iy * vsy)
             j = parent[j]
-        by_q[i, i] += links[i, STIFFNESS]
-        by_v[i, i] += links[i, DAMPING] + braked(i, kind, links, v, a)
+        by_q[i, i] += links[i, tree.STIFFNESS]
+        by_v[i, i] += links[i, tree.DAMPING] + braked(i, kind, links, v, a)
         # those that carry it by this joint: the force of all beyond it also turns along
         j = parent[i]
         if j >= 0:
@@ -208,12 +194,12 @@ def _by_inertia(parent, kind, links, at, what, many, w, da):  # pragma: no cover
     them, add to the forces of the joints that carry them."""
     for row in range(many):
         k, i = at[row, 0], at[row, 1]
-        dm, dcx, dcy = what[row, MASS], what[row, COM_X], what[row, COM_Y]
-        dinertia, dair = what[row, INERTIA], what[row, AIR]
-        air = links[i, AIR]
+        dm, dcx, dcy = what[row, tree.MASS], what[row, tree.COM_X], what[row, tree.COM_Y]
+        dinertia, dair = what[row, tree.INERTIA], what[row, tree.AIR]
+        air = links[i, tree.AIR]
         if dm == 0.0 and dcx == 0.0 and dcy == 0.0 and dinertia == 0.0 and dair == 0.0 and air == 0.0:
             continue
-        m, cx, cy, c, s = links[i, MASS], links[i, COM_X], links[i, COM_Y], w[i, C], w[i, S]
+        m, cx, cy, c, s = links[i, tree.MASS], links[i, tree.COM_X], links[i, tree.COM_Y], w[i, C], w[i, S]
         vw, vx, vy, aw, ax, ay = w[i, VW], w[i, VX], w[i, VY], w[i, AW], w[i, AX], w[i, AY]
         # first and second moments about the fixed point; (x, y) is the centre of mass there
         x, y = w[i, OX] + c * cx - s * cy, w[i, OY] + s * cx + c * cy
@@ -231,10 +217,10 @@ def _by_inertia(parent, kind, links, at, what, many, w, da):  # pragma: no cover
             law, slope = abs(z) * z, 2.0 * air * abs(z)
             # how the direction changes, turned along with the link
             dex, dey = 0.0, 0.0
-            own = links[i, INERTIA] + m * (cx * cx + cy * cy)
-            if kind[i] == SLIDE:
-                dex = c * what[row, AXIS_X] - s * what[row, AXIS_Y]
-                dey = s * what[row, AXIS_X] + c * what[row, AXIS_Y]
+            own = links[i, tree.INERTIA] + m * (cx * cx + cy * cy)
+            if kind[i] == tree.SLIDE:
+                dex = c * what[row, tree.AXIS_X] - s * what[row, tree.AXIS_Y]
+                dey = s * what[row, tree.AXIS_X] + c * what[row, tree.AXIS_Y]
             elif own > 0.0:
                 more = dinertia + dm * (cx * cx + cy * cy) + 2.0 * m * (cx * dcx + cy * dcy)
                 ux = (dm * cx + m * dcx - m * cx * more / own) / own
@@ -256,8 +242,8 @@ def _by_place(parent, kind, gravity, at, what, many, q, v, a, w, d, da):  # prag
     of the directions of slides add to the forces of all joints that they move or that carry them."""
     for row in range(many):
         k, i = at[row, 0], at[row, 1]
-        dax, day, t = what[row, ANCHOR_X], what[row, ANCHOR_Y], what[row, ANGLE]
-        dux, duy = what[row, AXIS_X], what[row, AXIS_Y]
+        dax, day, t = what[row, tree.ANCHOR_X], what[row, tree.ANCHOR_Y], what[row, tree.ANGLE]
+        dux, duy = what[row, tree.AXIS_X], what[row, tree.AXIS_Y]
         if dax == 0.0 and day == 0.0 and t == 0.0 and dux == 0.0 and duy == 0.0:
             continue
         p = parent[i]
@@ -266,14 +252,14 @@ def _by_place(parent, kind, gravity, at, what, many, q, v, a, w, d, da):  # prag
         # moves as before
         ox, oy, dx, dy = w[i, OX], w[i, OY], 0.0, 0.0
         pvw, pvx, pvy, paw, pax, pay = 0.0, 0.0, 0.0, 0.0, -gravity[0], -gravity[1]
-        if kind[i] == SLIDE:
+        if kind[i] == tree.SLIDE:
             ox, oy = ox - sx * q[i], oy - sy * q[i]
         if p >= 0:
             dx = w[p, C] * dax - w[p, S] * day
             dy = w[p, S] * dax + w[p, C] * day
             pvw, pvx, pvy, paw, pax, pay = w[p, VW], w[p, VX], w[p, VY], w[p, AW], w[p, AX], w[p, AY]
         ux, uy = 0.0, 0.0
-        if kind[i] == SLIDE:
+        if kind[i] == tree.SLIDE:
             ux = w[i, C] * dux - w[i, S] * duy
             uy = w[i, S] * dux + w[i, C] * duy
             dx, dy = dx + q[i] * ux, dy + q[i] * uy

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from monodyn.arrays import Frozen, frozen
+from monodyn.arrays import Frozen, freeze
 from monodyn.errors import MechanismError
 
 HINGE = 0
@@ -65,15 +65,10 @@ class Tree(Frozen):
 
     def __post_init__(self) -> None:
         dofs = len(self.parent)
-        set_ = object.__setattr__
-        set_(
-            self, "parent", frozen("Tree.parent", self.parent, (dofs,), dtype=np.int64, error=MechanismError)
-        )
-        set_(self, "kind", frozen("Tree.kind", self.kind, (dofs,), dtype=np.int64, error=MechanismError))
+        freeze(self, (dofs,), "parent", "kind", dtype=np.int64, error=MechanismError)
         number = complex if np.iscomplexobj(self.links) or np.iscomplexobj(self.gravity) else float
-        shape = (dofs, COLUMNS)
-        set_(self, "links", frozen("Tree.links", self.links, shape, dtype=number, error=MechanismError))
-        set_(self, "gravity", frozen("Tree.gravity", self.gravity, (2,), dtype=number, error=MechanismError))
+        freeze(self, (dofs, COLUMNS), "links", dtype=number, error=MechanismError)
+        freeze(self, (2,), "gravity", dtype=number, error=MechanismError)
 
     def along(self, directions: Directions, param: int, step: complex) -> Tree:
         """Return the tree a step along one direction, to first order.
@@ -165,15 +160,10 @@ class Shapes(Frozen):
 
     def __post_init__(self) -> None:
         geoms = len(self.body)
-        set_ = object.__setattr__
-        set_(self, "link", frozen("Shapes.link", self.link, (geoms,), dtype=np.int64, error=MechanismError))
-        set_(
-            self,
-            "first",
-            frozen("Shapes.first", self.first, (geoms + 1,), dtype=np.int64, error=MechanismError),
-        )
-        set_(self, "points", frozen("Shapes.points", self.points, (None, 3), error=MechanismError))
-        set_(self, "radius", frozen("Shapes.radius", self.radius, (geoms,), error=MechanismError))
+        freeze(self, (geoms,), "link", dtype=np.int64, error=MechanismError)
+        freeze(self, (geoms + 1,), "first", dtype=np.int64, error=MechanismError)
+        freeze(self, (None, 3), "points", error=MechanismError)
+        freeze(self, (geoms,), "radius", error=MechanismError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,8 +182,5 @@ class Measured(Frozen):
 
     def __post_init__(self) -> None:
         params = len(self.names)
-        shape = (params, params)
         object.__setattr__(self, "names", tuple(self.names))
-        object.__setattr__(
-            self, "information", frozen("Measured.information", self.information, shape, error=MechanismError)
-        )
+        freeze(self, (params, params), "information", error=MechanismError)

@@ -6,15 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from monodyn.optimize.minimum import (
-    UNBOUNDED,
-    Bounds,
-    DirectSettings,
-    Minimum,
-    as_history,
-    checked_bounds,
-    checked_sizes,
-)
+from monodyn.optimize import minimum
 from monodyn.optimize.powell import LEAST_REACH, USUAL_DIRECT, powell
 from monodyn.optimize.status import EXHAUSTED, NOT_EVALUABLE, REACHED, UNMET, VIOLATED
 
@@ -36,12 +28,12 @@ Inequalities = Callable[[np.ndarray], Sequence[float] | np.ndarray]
 def augmented_lagrangian(
     function: Callable[[np.ndarray], float],
     start: np.ndarray,
-    bounds: Bounds = UNBOUNDED,
+    bounds: minimum.Bounds = minimum.UNBOUNDED,
     *,
     step: np.ndarray | float,
     inequalities: Inequalities | None = None,
-    settings: DirectSettings = USUAL_DIRECT,
-) -> Minimum:
+    settings: minimum.DirectSettings = USUAL_DIRECT,
+) -> minimum.Minimum:
     """Minimize f(x) within bounds and with g(x) <= 0 by the method of multipliers.
 
     Each round minimizes f(x) + r/2 sum_j (max(0, g_j(x) + m_j / r)^2 - (m_j / r)^2) without constraints, and
@@ -78,8 +70,8 @@ def augmented_lagrangian(
         >>> [round(float(x), 2) for x in found.x]
         [1.5, 1.0]
     """
-    start, lower, upper = checked_bounds(start, bounds)
-    step = checked_sizes(step, len(start), "step")
+    start, lower, upper = minimum.checked_bounds(start, bounds)
+    step = minimum.checked_sizes(step, len(start), "step")
     problem = _Problem(function, start, (lower, upper), step, inequalities, settings.tolerance)
     x = start[problem.free]
     value = problem(x)
@@ -91,7 +83,7 @@ def augmented_lagrangian(
     return _rounds(problem, x, settings)
 
 
-def _rounds(problem: _Problem, x: np.ndarray, settings: DirectSettings) -> Minimum:
+def _rounds(problem: _Problem, x: np.ndarray, settings: minimum.DirectSettings) -> minimum.Minimum:
     """Alternate searches without constraints and new multipliers, from x (free,)."""
     tolerance, step = settings.tolerance, problem.step[problem.free]
     inner_step, worst, converged, status = step, np.inf, False, UNMET
@@ -100,7 +92,7 @@ def _rounds(problem: _Problem, x: np.ndarray, settings: DirectSettings) -> Minim
         if left < 1:
             status = EXHAUSTED
             break
-        inner = powell(problem, x, inner_step, settings=DirectSettings(tolerance, left))
+        inner = powell(problem, x, inner_step, settings=minimum.DirectSettings(tolerance, left))
         x = inner.x
         violation = problem.update(x)
         # Half the tolerance for the violation leaves the other half to the inner search.
@@ -233,7 +225,7 @@ class _Problem:
         if not self.value < np.inf:
             self.x = np.array(self.embed(nearest))
 
-    def end(self, converged: bool, status: str) -> Minimum:
+    def end(self, converged: bool, status: str) -> minimum.Minimum:
         """Return the best allowed point; without any, the last one, as not converged."""
         value, violation = self.value, 0.0
         excess, _ = self.constraints(self.x[self.free], self.x)
@@ -243,8 +235,8 @@ class _Problem:
             value = float(self.function(self.x))
             self.evaluations += 1
             status = VIOLATED if np.isfinite(value) else NOT_EVALUABLE
-        return Minimum(
-            self.x, value, self.evaluations, converged, as_history(self.history), status,
+        return minimum.Minimum(
+            self.x, value, self.evaluations, converged, minimum.as_history(self.history), status,
             self.multipliers(), violation,
         )  # fmt: skip
 

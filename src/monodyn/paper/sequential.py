@@ -13,16 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monodyn.mechanism.tree import SLIDE
-from monodyn.paper.subproblems import (
-    History,
-    camera_placed,
-    fit_depth,
-    fit_place,
-    fit_pose,
-    fit_ratios,
-    mismatch,
-    outline_points,
-)
+from monodyn.paper import subproblems
 from monodyn.paper.view import CAMERA_HELD, ModelView, SilhouetteImage
 from monodyn.vision.drawing.camera import DEPTH, X
 
@@ -56,7 +47,7 @@ class RoundSchedule:
     gain: float = 2e-4
 
 
-Solved = tuple[ModelView, tuple[History, ...]]
+Solved = tuple[ModelView, tuple[subproblems.History, ...]]
 """The mechanism as found, the best of all rounds, and the history of every sub-problem in order."""
 
 
@@ -78,7 +69,7 @@ def strict(image: SilhouetteImage, view: ModelView, schedule: RoundSchedule | No
         The 2012 paper, Fig. 2, eq. (1) to (4).
     """
     schedule = schedule or RoundSchedule()
-    histories: list[History] = []
+    histories: list[subproblems.History] = []
     start = view
     best, least, idle, share = view, np.inf, 0, 1.0
     for _ in range(schedule.rounds):
@@ -86,10 +77,10 @@ def strict(image: SilhouetteImage, view: ModelView, schedule: RoundSchedule | No
         view, own = camera_and_pose(image, view, schedule, share)
         histories += own
         if len(view.searched):
-            found, history = fit_ratios(image, _held(view), step=schedule.sizes * share)
+            found, history = subproblems.fit_ratios(image, _held(view), step=schedule.sizes * share)
             view = _rescaled(replace(found, free=view.free))
             histories.append(history)
-        value = mismatch(image, view.rig, view.position)
+        value = subproblems.mismatch(image, view.rig, view.position)
         # equal areas and centroids are not the least mismatch, so a round may end above the one before: the
         # alternation goes on to where it settles, and the best round is kept
         idle = 0 if least - value > schedule.gain * image.area else idle + 1
@@ -101,14 +92,14 @@ def strict(image: SilhouetteImage, view: ModelView, schedule: RoundSchedule | No
             break
         share = max(schedule.shrink * share, schedule.least)
     # equal areas and centroids may cost more than they gain where the start is near the least mismatch
-    if mismatch(image, start.rig, start.position) < least:
+    if subproblems.mismatch(image, start.rig, start.position) < least:
         best = start
     return best, tuple(histories)
 
 
 def camera_and_pose(
     image: SilhouetteImage, view: ModelView, schedule: RoundSchedule, share: float = 1.0
-) -> tuple[ModelView, list[History]]:
+) -> tuple[ModelView, list[subproblems.History]]:
     """Take the camera (1, 2) and the pose (3) in turn until the mismatch falls no more.
 
     Args:
@@ -123,15 +114,15 @@ def camera_and_pose(
     Source:
         The 2012 paper, Fig. 2: the part before the aspect ratios.
     """
-    histories: list[History] = []
+    histories: list[subproblems.History] = []
     best, least = view, np.inf
     for _ in range(MOST_TURNS):
         before = view
         view, own = camera_round(image, view)
-        found, history = fit_pose(image, _held(view), step_px=schedule.pose_px * share)
+        found, history = subproblems.fit_pose(image, _held(view), step_px=schedule.pose_px * share)
         view = replace(found, free=view.free)
         histories += [*own, history]
-        value = mismatch(image, view.rig, view.position)
+        value = subproblems.mismatch(image, view.rig, view.position)
         # With wrong aspect ratios the equal centroids are those of a camera that is off, the pose gives way
         # to it, and every further turn leads farther off: the least mismatch is where this problem ends.
         gained = least - value
@@ -162,20 +153,20 @@ def interleaved(image: SilhouetteImage, view: ModelView, schedule: RoundSchedule
         The objectives of the 2012 paper, eq. (1) to (4).
     """
     schedule = schedule or RoundSchedule()
-    histories: list[History] = []
+    histories: list[subproblems.History] = []
     # one placement takes two steps from the given camera, which may be far off; the second one settles it
-    view = camera_placed(image, camera_placed(image, view))
-    best, least, step_share = view, mismatch(image, view.rig, view.position), 1.0
+    view = subproblems.camera_placed(image, subproblems.camera_placed(image, view))
+    best, least, step_share = view, subproblems.mismatch(image, view.rig, view.position), 1.0
     ratios = len(view.searched) > 0
     for _ in range(schedule.rounds):
         view, history = camera_round(image, view)
         histories += history
-        view, own = fit_pose(image, view, step_px=schedule.pose_px * step_share)
+        view, own = subproblems.fit_pose(image, view, step_px=schedule.pose_px * step_share)
         histories.append(own)
         if ratios:
-            view, own = fit_ratios(image, view, step=schedule.sizes * step_share)
+            view, own = subproblems.fit_ratios(image, view, step=schedule.sizes * step_share)
             histories.append(own)
-        value = mismatch(image, view.rig, view.position)
+        value = subproblems.mismatch(image, view.rig, view.position)
         # a round may end above the best one, because (1) and (2) lower other objectives than the mismatch;
         # the search goes on from there, and the best round is kept
         gained = least - value
@@ -197,7 +188,7 @@ FRAMEWORKS: dict[str, Callable[[SilhouetteImage, ModelView, RoundSchedule | None
 """How the four problems are taken in turn, by ``PaperLocateSettings.framework``."""
 
 
-def camera_round(image: SilhouetteImage, view: ModelView) -> tuple[ModelView, list[History]]:
+def camera_round(image: SilhouetteImage, view: ModelView) -> tuple[ModelView, list[subproblems.History]]:
     """Find the camera's depth (1), then its place (2), as far as they are to be estimated.
 
     Args:
@@ -206,10 +197,10 @@ def camera_round(image: SilhouetteImage, view: ModelView) -> tuple[ModelView, li
     """
     histories = []
     if view.free.depth:
-        view, history = fit_depth(image, view)
+        view, history = subproblems.fit_depth(image, view)
         histories.append(history)
     if view.free.x or view.free.y:
-        view, history = fit_place(image, view)
+        view, history = subproblems.fit_place(image, view)
         histories.append(history)
     return view, histories
 
@@ -237,5 +228,7 @@ def _rescaled(view: ModelView) -> ModelView:
 
 def _moved_px(before: ModelView, after: ModelView) -> float:
     """Return how far the outline moved between two views [px], in the root mean square of its points."""
-    moved = outline_points(after.rig, after.position) - outline_points(before.rig, before.position)
+    moved = subproblems.outline_points(after.rig, after.position) - subproblems.outline_points(
+        before.rig, before.position
+    )
     return float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))

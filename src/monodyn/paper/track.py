@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from monodyn.arrays import frozen
+from monodyn.arrays import freeze
 from monodyn.errors import VideoError
 from monodyn.mechanism.tree import HINGE
 from monodyn.paper.locate import PaperScene
@@ -105,10 +105,7 @@ class PaperPoses(Poses):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        counts = frozen(
-            "PaperPoses.evaluations", self.evaluations, (len(self),), dtype=np.int64, error=VideoError
-        )
-        object.__setattr__(self, "evaluations", counts)
+        freeze(self, (len(self),), "evaluations", dtype=np.int64, error=VideoError)
 
     def _cut(self, rows: slice) -> dict[str, Any]:
         """Return the fields that have rows, cut."""

@@ -5,8 +5,10 @@ A claim has a rule, fixed before the numbers are known, and a function that judg
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 from monodyn.reproduce import case_claims, series_claims
@@ -115,97 +117,10 @@ def claims(found: Sequence[Mapping[str, Evidence]]) -> list[Claim]:
     ]
 
 
-CLAIMS = (
-    Criterion(
-        "Any suitable start of the first pose leads to the same pose.",
-        "Discussion",
-        "the search (3) ends within 2° of the pose from every start up to 90° away",
-        series_claims.start_pose_is_unique,
-    ),
-    Criterion(
-        "The estimated pose is very close to the actual pose.",
-        "Case I, Fig. 5 and 7",
-        "every frame has a pose, and they are within 1° of the truth, rms",
-        series_claims.poses_are_close,
-    ),
-    Criterion(
-        "A faster implementation might follow the motion in real time.",
-        "Discussion",
-        "the median time for a pose is below the time between two frames",
-        series_claims.fast_enough_in_time,
-    ),
-    Criterion(
-        "Filtered states make the prediction worse than unfiltered ones.",
-        "Case I, Fig. 6",
-        "the prediction error over the next frames is larger with the filter as printed",
-        case_claims.filtered_is_worse,
-    ),
-    Criterion(
-        "The fit of the dynamics filters the noise of the poses out by itself.",
-        "Case I",
-        "over the fitted frames the simulated motion is nearer to the truth than the poses",
-        case_claims.noise_is_filtered_out,
-    ),
-    Criterion(
-        "Accuracy grows with the number of frames.",
-        "Case I, Fig. 7",
-        "on the same late frames the most frames do better than the fewest, rank correlation below −0.5",
-        series_claims.more_frames_are_better,
-    ),
-    Criterion(
-        "The estimate is sensitive to where the search starts.",
-        "Case I",
-        "drawn starts end in more than one place, or a length or ratio differs by more than 5 %",
-        series_claims.starts_end_apart,
-    ),
-    Criterion(
-        "Whatever the start, the system that is found moves equivalently.",
-        "Case I, Fig. 7",
-        "from every drawn start the motion, fitted and predicted, stays within 1° of the best",
-        series_claims.starts_agree_in_motion,
-    ),
-    Criterion(
-        "Angles and their derivatives together improve the estimate.",
-        "Discussion",
-        "the prediction error over the next frames is smaller",
-        case_claims.rates_are_better,
-    ),
-    Criterion(
-        "Case II tracks the estimated poses but deviates.",
-        "Case II, Fig. 8",
-        "residual below 1°, prediction error above that of Case I",
-        case_claims.fourier_deviates,
-    ),
-    Criterion(
-        "Case II predicts reliably only from poses over multiple periods.",
-        "Case II",
-        "with two periods or more in the fitted frames the prediction error is less than half of that "
-        "with fewer",
-        series_claims.several_periods_are_needed,
-    ),
-    Criterion(
-        "Case III tracks the estimated poses exactly but follows their noise.",
-        "Case III, Fig. 9",
-        "residual below a quarter of the poses' error, correlation of the two errors above 0.9",
-        case_claims.free_torque_follows_noise,
-    ),
-    Criterion(
-        "In Case III the prediction requires the torques.",
-        "Case III",
-        "without them the prediction error is larger than with the friction of Case I",
-        case_claims.prediction_needs_torques,
-    ),
-    Criterion(
-        "The system that is found has comparable physical dimensions.",
-        "Results, Cases II and III",
-        "the lengths in Cases II and III are within 20 % of the true ones",
-        case_claims.sizes_are_comparable,
-    ),
-    Criterion(
-        "There are 6, 36 and 2k + 4 unknowns.",
-        "Cases I, II, III",
-        "the numbers are those",
-        case_claims.unknowns_as_printed,
-    ),
+JUDGES: Mapping[str, Callable[[Evidence], Verdict]] = {**vars(series_claims), **vars(case_claims)}
+"""What judges a claim, by name."""
+CLAIMS = tuple(
+    Criterion(one["claim"], one["place"], one["rule"], JUDGES[one["judge"]])
+    for one in json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
 )
-"""Every claim, in the order of the page."""
+"""Every claim of ``claims.json``, in the order of the page."""

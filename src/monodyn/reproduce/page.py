@@ -12,20 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from monodyn.reproduce import page_tables
 from monodyn.reproduce.claims import Claim
 from monodyn.reproduce.evidence import Verdict
 from monodyn.reproduce.figures import Figure
-from monodyn.reproduce.page_tables import (
-    PageTable,
-    assumptions_table,
-    case_name,
-    fits_table,
-    frameworks_table,
-    lengths_table,
-    poses_table,
-    remarks,
-    starts_table,
-)
 from monodyn.reproduce.repetition import Repetition
 from monodyn.reproduce.tables import main_cases
 from monodyn.reproduce.units import units_of
@@ -81,8 +71,8 @@ def page_text(content: PageContent) -> str:
         methods=[(method, TITLES[method]) for method in BOTH_METHODS],
         claims=[_claim(claim, content.repetitions) for claim in content.claims],
         pendulums=[_pendulum(repetition) for repetition in content.repetitions],
-        assumptions=assumptions_table(first),
-        starts=[(each.name, starts_table(each)) for each in content.repetitions],
+        assumptions=page_tables.assumptions_table(first),
+        starts=[(each.name, page_tables.starts_table(each)) for each in content.repetitions],
         early=early,
         late=[plot for plot in plots if plot not in early],
         figures=[asdict(figure) for figure in content.figures],
@@ -98,11 +88,11 @@ def page_text(content: PageContent) -> str:
 def _plot(figure: Figure, repetitions: Sequence[Repetition]) -> dict[str, Any]:
     """Return a figure with the table that stands under it, or None."""
     name = next((table for start, table in UNDER.items() if figure.title.startswith(start)), "")
-    table: PageTable | None = None
+    table: page_tables.PageTable | None = None
     if name == "frameworks":
-        table = frameworks_table(repetitions)
+        table = page_tables.frameworks_table(repetitions)
     elif name == "lengths":
-        table = lengths_table(repetitions[0])
+        table = page_tables.lengths_table(repetitions[0])
     return {**asdict(figure), "table": table}
 
 
@@ -111,10 +101,12 @@ def _pendulum(repetition: Repetition) -> dict[str, Any]:
     main = main_cases(repetition)
     return {
         "name": repetition.name,
-        "fits": fits_table(repetition),
-        "poses": poses_table(repetition),
-        "remarks": remarks(repetition),
-        "statuses": [(case_name(case), TITLES[case.plan.method], case.status, case.ok) for case in main],
+        "fits": page_tables.fits_table(repetition),
+        "poses": page_tables.poses_table(repetition),
+        "remarks": page_tables.remarks(repetition),
+        "statuses": [
+            (page_tables.case_name(case), TITLES[case.plan.method], case.status, case.ok) for case in main
+        ],
     }
 
 

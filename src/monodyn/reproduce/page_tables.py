@@ -8,24 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from monodyn.reproduce import tables
 from monodyn.reproduce.cases import Case
 from monodyn.reproduce.endings import endings
 from monodyn.reproduce.plans import start_scale
 from monodyn.reproduce.repetition import Repetition
 from monodyn.reproduce.series_claims import drawn_fits
-from monodyn.reproduce.tables import (
-    SHOWN_ERRORS,
-    WORDS,
-    case_row,
-    comparable,
-    gain_row,
-    grouped,
-    labels,
-    main_cases,
-    parameter_values,
-    pose_gain,
-    seen_row,
-)
 from monodyn.reproduce.units import JointUnit, shared_unit, units_of
 from monodyn.reproduce.vision import BOTH_METHODS, TITLES
 
@@ -69,23 +57,23 @@ def fits_table(repetition: Repetition) -> PageTable:
     Args:
         repetition: The experiment with one pendulum.
     """
-    units, main = _units(repetition), main_cases(repetition)
-    names = labels(main)
+    units, main = _units(repetition), tables.main_cases(repetition)
+    names = tables.labels(main)
     head = ["case", "method", "unknowns", "evaluations", "seconds"]
     head += [_titled(name, units) for name in ("residual", "truth", "prediction")]
     head += [f"{name} [%]" for name in names]
     rows: list[tuple[str, Sequence[str]]] = []
-    for group in grouped(main):
-        found = [case_row(case, units, names) for case in group]
+    for group in tables.grouped(main):
+        found = [tables.case_row(case, units, names) for case in group]
         for case, row in zip(group, found, strict=True):
             cells = [case_name(case), TITLES[case.plan.method]]
             cells += [_number(row[k]) for k in ("unknowns", "evaluations", "seconds")]
-            cells += [_joints(row, k, units) for k in SHOWN_ERRORS]
+            cells += [_joints(row, k, units) for k in tables.SHOWN_ERRORS]
             rows.append(("", [*cells, *_shares(row, names)]))
-        if comparable(group):
-            gain = gain_row(*found)
+        if tables.comparable(group):
+            gain = tables.gain_row(*found)
             cells = ["", "ratio", "", *(_times(gain[k]) for k in ("evaluations", "seconds"))]
-            cells += [_joints(gain, k, units, _times) for k in SHOWN_ERRORS]
+            cells += [_joints(gain, k, units, _times) for k in tables.SHOWN_ERRORS]
             rows.append(("gain", [*cells, *("" for _ in names)]))
         rows[-1] = (f"{rows[-1][0]} last", rows[-1][1])
     return PageTable.of(head, rows)
@@ -106,7 +94,7 @@ def poses_table(repetition: Repetition) -> PageTable:
         "milliseconds a frame",
     ]
     head += ["silhouettes for the first pose", "seconds for the first pose", "status"]
-    found = {method: seen_row(seen[method]) for method in BOTH_METHODS}
+    found = {method: tables.seen_row(seen[method]) for method in BOTH_METHODS}
     rows: list[tuple[str, Sequence[str]]] = []
     for method, row in found.items():
         each, first = row["seconds_a_frame"], row["silhouettes_locate"]
@@ -117,7 +105,7 @@ def poses_table(repetition: Repetition) -> PageTable:
         rows.append(("", [*cells, row["status"]]))
     if all(seen[method].poses is not None for method in BOTH_METHODS):
         # the default method draws no silhouettes while it tracks: without a quotient both numbers are shown
-        gain = pose_gain(seen["paper"], seen["fast"])
+        gain = tables.pose_gain(seen["paper"], seen["fast"])
         drawn = [_number(row["silhouettes_a_frame"]) for row in found.values()]
         cells = ["ratio", "", _joints(gain, "error", units, _times)]
         cells += ["" if NO_NUMBER in drawn else " : ".join(drawn), _times(gain["seconds_a_frame"])]
@@ -177,7 +165,7 @@ def lengths_table(repetition: Repetition) -> PageTable:
         for method in BOTH_METHODS
         for case in _series(repetition, method)
     ]  # fmt: skip
-    names = labels(chosen)
+    names = tables.labels(chosen)
     head = ["case", "frames", "method", "evaluations", "seconds"]
     head += [_titled(name, units) for name in ("residual", "next frames", "last frames")]
     rows = []
@@ -185,7 +173,7 @@ def lengths_table(repetition: Repetition) -> PageTable:
     for case in sorted(
         chosen, key=lambda c: (order[c.plan.case], c.plan.frames, BOTH_METHODS.index(c.plan.method))
     ):
-        row = case_row(case, units, names)
+        row = tables.case_row(case, units, names)
         cells = [f"Case {case.plan.case}", str(case.plan.frames), TITLES[case.plan.method]]
         cells += [_number(row["evaluations"]), _number(row["seconds"])]
         cells += [_joints(row, k, units) for k in ("residual", "ahead", "late")]
@@ -228,7 +216,7 @@ def starts_table(repetition: Repetition) -> PageTable:
         for place, ending in enumerate(endings(fits[method], hinges) if hinges else ()):
             placed += [(f"{case.plan.start}, place {place + 1}", case) for case in ending.cases]
         for start, case in placed:
-            row, found = case_row(case, units), parameter_values(case)
+            row, found = tables.case_row(case, units), tables.parameter_values(case)
             scale = start_scale(case.plan.start, seed) if case.plan.start else None
             cells = [TITLES[method], start, _number(scale), *(_number(found.get(n), 4) for n in names)]
             cells += [_number(row["evaluations"]), *(_joints(row, k, units) for k in ("residual", "ahead"))]
@@ -276,7 +264,7 @@ def case_name(case: Case) -> str:
     Args:
         case: The fit.
     """
-    words = WORDS[case.plan.series or case.plan.compared]
+    words = tables.WORDS[case.plan.series or case.plan.compared]
     return f"Case {case.plan.case}" + (f", {words}" if words else "")
 
 
@@ -348,7 +336,7 @@ def remarks(repetition: Repetition) -> list[str]:
     Args:
         repetition: The experiment with one pendulum.
     """
-    main, found = main_cases(repetition), []
+    main, found = tables.main_cases(repetition), []
     tried = [c for c in main if c.plan.case == "II" and c.plan.method == "fast"]
     refused = [c for c in tried if c.motion is None]
     if refused:

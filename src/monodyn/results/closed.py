@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from monodyn.arrays import Frozen, frozen
+from monodyn.arrays import Frozen, freeze
 from monodyn.errors import SettingsError
 from monodyn.mechanism import Mechanism, write_mjcf
 from monodyn.mechanism.unlogged import unlogged
@@ -88,10 +88,8 @@ class ClosedLoop(Frozen):
 
     def __post_init__(self) -> None:
         frames = len(self.time)
-        set_ = object.__setattr__
-        set_(self, "time", frozen("ClosedLoop.time", self.time, (frames,)))
-        for name in ("position", "velocity", "torque"):
-            set_(self, name, frozen(f"ClosedLoop.{name}", getattr(self, name), (frames, None)))
+        freeze(self, (frames,), "time")
+        freeze(self, (frames, None), "position", "velocity", "torque")
 
 
 def closed_loop(

@@ -10,37 +10,22 @@ from pathlib import Path
 
 import numpy as np
 
+from monodyn.results import sheet
 from monodyn.results.folder import RunFolder
 from monodyn.results.panels import background_panel, foreground_panels, motion_panel, outline_panels
 from monodyn.results.pointed import points_panels
-from monodyn.results.sheet import (
-    BODY,
-    GREEN,
-    INK,
-    MARGIN,
-    ORANGE,
-    RED,
-    SKY,
-    SOFT,
-    WIDTH,
-    Picture,
-    blank,
-    row,
-    wrapped,
-    write,
-)
 from monodyn.results.sight import Sight
 from monodyn.results.strip import strip
 
 HEADING = 0.9
 """Size of the heading's text."""
-COLOURS = {"trusted": GREEN, "approximate": ORANGE, "refused": RED}
+COLOURS = {"trusted": sheet.GREEN, "approximate": sheet.ORANGE, "refused": sheet.RED}
 """Of the bar beside the status, by grade."""
 PACKED = 1
 """Compression of the picture, 0 to 9: more takes longer than it saves."""
 
 
-def diagnosis(sight: Sight) -> Picture:
+def diagnosis(sight: Sight) -> sheet.Picture:
     """Draw what a run saw of its clip.
 
     Args:
@@ -50,22 +35,22 @@ def diagnosis(sight: Sight) -> Picture:
         The page.
     """
     if sight.tracks is not None:
-        rows = [_heading(sight), row(points_panels(sight)), strip(sight)]
+        rows = [_heading(sight), sheet.row(points_panels(sight)), strip(sight)]
         if sight.masks is not None:
-            rows.insert(1, row([background_panel(sight), motion_panel(sight)]))
+            rows.insert(1, sheet.row([background_panel(sight), motion_panel(sight)]))
     else:
         rows = [
             _heading(sight),
-            row([background_panel(sight), motion_panel(sight)]),
-            row(outline_panels(sight)),
-            row(foreground_panels(sight)),
+            sheet.row([background_panel(sight), motion_panel(sight)]),
+            sheet.row(outline_panels(sight)),
+            sheet.row(foreground_panels(sight)),
             strip(sight),
         ]
-    gap = blank(18)
+    gap = sheet.blank(18)
     return np.concatenate([part for shown in rows for part in (shown, gap)])
 
 
-def write_diagnosis(folder: RunFolder, sight: Sight) -> Picture | None:
+def write_diagnosis(folder: RunFolder, sight: Sight) -> sheet.Picture | None:
     """Write ``diagnosis.png``.
 
     Args:
@@ -86,7 +71,7 @@ def write_diagnosis(folder: RunFolder, sight: Sight) -> Picture | None:
     return page
 
 
-def png(page: Picture) -> bytes:
+def png(page: sheet.Picture) -> bytes:
     """Return a page as a PNG file.
 
     Args:
@@ -99,7 +84,7 @@ def png(page: Picture) -> bytes:
     return cv2.imencode(".png", page, how)[1].tobytes()
 
 
-def jpeg(page: Picture, quality: int = 85) -> bytes:
+def jpeg(page: sheet.Picture, quality: int = 85) -> bytes:
     """Return a page as a JPEG file, a quarter of the size, for a report.
 
     Args:
@@ -111,20 +96,20 @@ def jpeg(page: Picture, quality: int = 85) -> bytes:
     return cv2.imencode(".jpg", page, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
 
 
-def _heading(sight: Sight) -> Picture:
+def _heading(sight: Sight) -> sheet.Picture:
     """Write clip and verdict."""
     video = sight.video
-    lines = wrapped(sight.status, WIDTH - 2 * MARGIN - 30, BODY)
-    page = blank(76 + 22 * len(lines))
-    x = write(page, sight.name, (MARGIN, 42), HEADING, INK)
+    lines = sheet.wrapped(sight.status, sheet.WIDTH - 2 * sheet.MARGIN - 30, sheet.BODY)
+    page = sheet.blank(76 + 22 * len(lines))
+    x = sheet.write(page, sight.name, (sheet.MARGIN, 42), HEADING, sheet.INK)
     about = (
         f"{video.count} frames of {video.width} x {video.height} px, "
         f"{float(video.times[-1] - video.times[0]):.2f} s"
     )
-    write(page, about, (x + 20, 42), BODY, SOFT)
-    colour = SKY if sight.grade is None else COLOURS[sight.grade]
+    sheet.write(page, about, (x + 20, 42), sheet.BODY, sheet.SOFT)
+    colour = sheet.SKY if sight.grade is None else COLOURS[sight.grade]
     if sight.status:
-        page[58 : 64 + 22 * len(lines), MARGIN : MARGIN + 6] = colour
+        page[58 : 64 + 22 * len(lines), sheet.MARGIN : sheet.MARGIN + 6] = colour
     for i, line in enumerate(lines):
-        write(page, line, (MARGIN + 20, 74 + 22 * i), BODY, INK)
+        sheet.write(page, line, (sheet.MARGIN + 20, 74 + 22 * i), sheet.BODY, sheet.INK)
     return page

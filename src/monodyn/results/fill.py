@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monodyn.arrays import Frozen, frozen, increasing
+from monodyn.arrays import Frozen, freeze, frozen, increasing
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.parts import Start
@@ -47,9 +47,8 @@ class States(Frozen):
 
     def __post_init__(self) -> None:
         frames, dofs = len(self.time), len(self.joints)
-        object.__setattr__(self, "time", frozen("States.time", self.time, (frames,)))
-        for name in ("position", "velocity", "std", "velocity_std"):
-            object.__setattr__(self, name, frozen(f"States.{name}", getattr(self, name), (frames, dofs)))
+        freeze(self, (frames,), "time")
+        freeze(self, (frames, dofs), "position", "velocity", "std", "velocity_std")
 
     def __len__(self) -> int:
         return len(self.time)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from monodyn.arrays import Frozen, frozen
+from monodyn.arrays import Frozen, freeze
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.wording import listed
@@ -59,10 +59,7 @@ class Linearization(Frozen):
     notes: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        for name in ("position", "velocity", "torque", "acceleration"):
-            object.__setattr__(
-                self, name, frozen(f"Linearization.{name}", getattr(self, name), (None,), error=SettingsError)
-            )
+        freeze(self, (None,), "position", "velocity", "torque", "acceleration", error=SettingsError)
 
     @property
     def std(self) -> np.ndarray:

@@ -8,42 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from monodyn.results import sheet
 from monodyn.results.overlay import Drawing, draw
-from monodyn.results.sheet import (
-    BLUE,
-    GREEN,
-    INK,
-    ORANGE,
-    PALE,
-    PURPLE,
-    RED,
-    SKY,
-    SOFT,
-    Colour,
-    Crop,
-    Key,
-    Picture,
-    absent,
-    blended,
-    column_width,
-    fitted_crop,
-    hatch,
-    mark,
-    panel,
-    polygon,
-    washed,
-)
 from monodyn.results.sight import REACH_PX, Judged, Sight, outlines_of
 from monodyn.types import FULL, Frame
-from monodyn.vision.drawing.contour import (
-    COVERED,
-    ELSEWHERE,
-    NO_CONTRAST,
-    NO_EDGE,
-    OFF_PICTURE,
-    ON_EDGE,
-    contour,
-)
+from monodyn.vision.drawing import contour
 from monodyn.vision.drawing.probe import TRUSTED
 from monodyn.vision.foreground.background import Background
 from monodyn.vision.foreground.given import GivenMasks
@@ -59,20 +28,20 @@ SHOWN_FRAMES = 4
 """Frames whose foreground is shown."""
 SPACING_PX = 9.0
 """Distance of the outline samples that are drawn, on the page [px]."""
-PLANES: tuple[Colour, ...] = (BLUE, ORANGE, GREEN, PURPLE)
+PLANES: tuple[sheet.Colour, ...] = (sheet.BLUE, sheet.ORANGE, sheet.GREEN, sheet.PURPLE)
 """Colours of a mask's planes."""
-FATES: dict[int, tuple[str, Colour, str]] = {
-    ON_EDGE: ("on an edge of the foreground", GREEN, "dot"),
-    ELSEWHERE: ("edge is elsewhere", ORANGE, "triangle"),
-    NO_EDGE: ("no edge there", RED, "cross"),
-    NO_CONTRAST: ("background unknown or alike", PURPLE, "square"),
-    COVERED: ("behind another part", SOFT, "ring"),
-    OFF_PICTURE: ("leaves the picture", SOFT, "diamond"),
+FATES: dict[int, tuple[str, sheet.Colour, str]] = {
+    contour.ON_EDGE: ("on an edge of the foreground", sheet.GREEN, "dot"),
+    contour.ELSEWHERE: ("edge is elsewhere", sheet.ORANGE, "triangle"),
+    contour.NO_EDGE: ("no edge there", sheet.RED, "cross"),
+    contour.NO_CONTRAST: ("background unknown or alike", sheet.PURPLE, "square"),
+    contour.COVERED: ("behind another part", sheet.SOFT, "ring"),
+    contour.OFF_PICTURE: ("leaves the picture", sheet.SOFT, "diamond"),
 }
 """What became of an outline sample: in words, and how it is drawn."""
 
 
-def picture_of(frame: Frame) -> Picture:
+def picture_of(frame: Frame) -> sheet.Picture:
     """Return a frame in colour, uint8 (height, width, 3).
 
     Args:
@@ -84,27 +53,27 @@ def picture_of(frame: Frame) -> Picture:
     return cv2.cvtColor(draw(frame, Drawing([])), cv2.COLOR_YUV2BGR_I420)[:height, :width]
 
 
-def background_panel(sight: Sight) -> Picture:
+def background_panel(sight: Sight) -> sheet.Picture:
     """Return a picture of what each pixel shows without the mechanism, and where that is not known.
 
     Args:
         sight: What the run saw.
     """
-    width = column_width(2)
+    width = sheet.column_width(2)
     back = sight.background
     crop = _whole(sight, width)
     picture = crop.shown(picture_of(_as_frame(back)))
     unknown = ~back.known
-    hatch(picture, crop.marked(unknown), RED)
+    sheet.hatch(picture, crop.marked(unknown), sheet.RED)
     source = "a picture that was given" if back.given else f"median of {len(sight.samples.frames)} frames"
     masks = isinstance(sight.masks, GivenMasks)
-    keys = [Key("masks have none" if masks else f"{source}; noise {back.noise:.1f} grey levels")]
+    keys = [sheet.Key("masks have none" if masks else f"{source}; noise {back.noise:.1f} grey levels")]
     if unknown.any():
-        keys.append(Key(f"never seen uncovered ({_percent(unknown.mean())})", RED, "hatch"))
-    return panel("Background", picture, keys, width)
+        keys.append(sheet.Key(f"never seen uncovered ({_percent(unknown.mean())})", sheet.RED, "hatch"))
+    return sheet.panel("Background", picture, keys, width)
 
 
-def motion_panel(sight: Sight) -> Picture:
+def motion_panel(sight: Sight) -> sheet.Picture:
     """Return a picture of where anything moves, what is left out, and where the mechanism would not show.
 
     Args:
@@ -112,61 +81,63 @@ def motion_panel(sight: Sight) -> Picture:
     """
     import cv2
 
-    width = column_width(2)
+    width = sheet.column_width(2)
     crop, back = _whole(sight, width), sight.background
     frames = sight.samples.frames
     lightest = darkest = frames[0].luma
     for frame in frames[:: max(1, len(frames) // LOOKED_AT)]:
         lightest, darkest = cv2.max(lightest, frame.luma), cv2.min(darkest, frame.luma)
     moves = cv2.subtract(lightest, darkest) > max(MOVES, 8.0 * back.noise)
-    picture = washed(crop.shown(picture_of(_as_frame(back))), 0.6)
-    blended(picture, 0.55 * crop.marked(moves), SKY)
-    keys = [Key(f"changes during the clip ({_percent(moves.mean())})", SKY)]
+    picture = sheet.washed(crop.shown(picture_of(_as_frame(back))), 0.6)
+    sheet.blended(picture, 0.55 * crop.marked(moves), sheet.SKY)
+    keys = [sheet.Key(f"changes during the clip ({_percent(moves.mean())})", sheet.SKY)]
     outside = ~back.counts
     if outside.any():
-        hatch(picture, crop.marked(outside), PALE, rising=False)
-        keys.append(Key("left out", SOFT, "hatch"))
+        sheet.hatch(picture, crop.marked(outside), sheet.PALE, rising=False)
+        keys.append(sheet.Key("left out", sheet.SOFT, "hatch"))
         corners = np.array([[back.window.left, back.window.top], [back.window.right, back.window.bottom]])
         (x0, y0), (x1, y1) = np.round(crop.points(corners - 0.5)).astype(int)
-        cv2.rectangle(picture, (x0, y0), (x1, y1), INK, 1)
+        cv2.rectangle(picture, (x0, y0), (x1, y1), sheet.INK, 1)
     if sight.shown_masks is not None:
         view = sight.shown_masks.view(_geoms(sight))
         alike = (view.trust.max(axis=0) < TRUSTED) & back.known & ~outside
         if alike.any():
-            hatch(picture, crop.marked(alike), PURPLE)
-            keys.append(Key(f"looks like the mechanism ({_percent(alike.mean())})", PURPLE, "hatch"))
+            sheet.hatch(picture, crop.marked(alike), sheet.PURPLE)
+            keys.append(
+                sheet.Key(f"looks like the mechanism ({_percent(alike.mean())})", sheet.PURPLE, "hatch")
+            )
     if sight.hidden is not None:
-        hatch(picture, crop.marked(sight.hidden), RED, rising=False)
-        keys.append(Key("something stands before the mechanism", RED, "hatch"))
-    return panel("What moves, and where it would show", picture, keys, width)
+        sheet.hatch(picture, crop.marked(sight.hidden), sheet.RED, rising=False)
+        keys.append(sheet.Key("something stands before the mechanism", sheet.RED, "hatch"))
+    return sheet.panel("What moves, and where it would show", picture, keys, width)
 
 
-def outline_panels(sight: Sight) -> list[Picture]:
+def outline_panels(sight: Sight) -> list[sheet.Picture]:
     """Return pictures of the outline over a typical frame and the worst, and what became of each sample.
 
     Args:
         sight: What the run saw.
     """
-    width = column_width(2)
+    width = sheet.column_width(2)
     if not sight.judged:
-        picture = absent(f"{sight.stage}: there is no outline to compare with the edges", width, 200)
-        return [panel(title, picture, [], width) for title in ("Typical outline", "Worst outline")]
+        picture = sheet.absent(f"{sight.stage}: there is no outline to compare with the edges", width, 200)
+        return [sheet.panel(title, picture, [], width) for title in ("Typical outline", "Worst outline")]
     order = sorted(sight.judged, key=lambda judged: judged.score)
     chosen = [("Typical outline", order[len(order) // 2]), ("Worst outline", order[0])]
     return [_outline_panel(sight, name, judged, width) for name, judged in chosen]
 
 
-def _outline_panel(sight: Sight, name: str, judged: Judged, width: int) -> Picture:
+def _outline_panel(sight: Sight, name: str, judged: Judged, width: int) -> sheet.Picture:
     scene = sight.scene
     assert scene is not None
     outlines = outlines_of(scene.mechanism, scene.camera, judged.position)
-    crop = fitted_crop(_around(sight, outlines), width, TALLEST)
-    picture = washed(crop.shown(picture_of(sight.followed(judged.frame)), PALE), 0.35)
+    crop = sheet.fitted_crop(_around(sight, outlines), width, TALLEST)
+    picture = sheet.washed(crop.shown(picture_of(sight.followed(judged.frame)), sheet.PALE), 0.35)
     for corners in outlines:
-        polygon(picture, crop.points(corners), INK)
+        sheet.polygon(picture, crop.points(corners), sheet.INK)
     rig = scene.moving(judged.frame.index)
     mask, view = scene.masks.of(judged.frame), scene.masks.view(len(rig.radius))
-    found = contour(
+    found = contour.contour(
         planes_for(mask, view), view, rig, judged.position, REACH_PX, max(1.0, SPACING_PX / crop.scale)
     )
     places, edges = crop.points(found.place), crop.points(found.edge)
@@ -174,40 +145,42 @@ def _outline_panel(sight: Sight, name: str, judged: Judged, width: int) -> Pictu
     for fate, (text, colour, shape) in FATES.items():
         these = np.flatnonzero(found.fate == fate)
         for i in these:
-            mark(
+            sheet.mark(
                 picture,
-                edges[i] if fate == ELSEWHERE else places[i],
+                edges[i] if fate == contour.ELSEWHERE else places[i],
                 colour,
                 shape,
-                3 if fate == OFF_PICTURE else 4,
+                3 if fate == contour.OFF_PICTURE else 4,
             )
         if len(these):
-            keys.append(Key(f"{text} ({_percent(len(these) / len(found.fate))})", colour, shape))
+            keys.append(sheet.Key(f"{text} ({_percent(len(these) / len(found.fate))})", colour, shape))
     how = "tracked" if judged.tracked else "located, not tracked"
     title = f"{name}: frame {judged.frame.index}, {how}"
-    return panel(title, picture, keys or [Key("the outline is not in the picture")], width)
+    return sheet.panel(title, picture, keys or [sheet.Key("the outline is not in the picture")], width)
 
 
-def foreground_panels(sight: Sight) -> list[Picture]:
+def foreground_panels(sight: Sight) -> list[sheet.Picture]:
     """Return pictures of the foreground of frames spread over the motion, each plane in its colour.
 
     Args:
         sight: What the run saw.
     """
-    width = column_width(SHOWN_FRAMES)
+    width = sheet.column_width(SHOWN_FRAMES)
     frames = sight.samples.frames
     picks = [round((k + 0.5) / SHOWN_FRAMES * (len(frames) - 1)) for k in range(SHOWN_FRAMES)]
     return [_foreground_panel(sight, frames[i], width) for i in picks]
 
 
-def _foreground_panel(sight: Sight, frame: Frame, width: int) -> Picture:
+def _foreground_panel(sight: Sight, frame: Frame, width: int) -> sheet.Picture:
     crop = _whole(sight, width)
     title = f"Foreground of frame {frame.index}"
     masks = sight.shown_masks
     if masks is None:
         picture = crop.shown(picture_of(frame))
-        return panel(f"Frame {frame.index}", picture, [Key("nothing stands out from the background")], width)
-    picture = washed(crop.shown(picture_of(sight.followed(frame))))
+        return sheet.panel(
+            f"Frame {frame.index}", picture, [sheet.Key("nothing stands out from the background")], width
+        )
+    picture = sheet.washed(crop.shown(picture_of(sight.followed(frame))))
     mask = masks.of(frame)
     # reduced first: a page has fewer pixels than most clips
     planes = np.stack([crop.shown(np.minimum(plane, FULL), (0, 0, 0)) for plane in mask.planes])
@@ -217,21 +190,21 @@ def _foreground_panel(sight: Sight, frame: Frame, width: int) -> Picture:
     keys = []
     for k, plane in enumerate(planes):
         own = np.where(strongest == k, plane, 0)
-        blended(picture, 0.85 / FULL * own, PLANES[k % len(PLANES)])
+        sheet.blended(picture, 0.85 / FULL * own, PLANES[k % len(PLANES)])
         if own.any():
             other = any_difference and k == len(mask.planes) - 1
             share = float(own.sum()) / FULL / own.size
             what = "any other difference" if other else f"colour {k + 1}"
-            keys.append(Key(f"{what}: {_percent(share)}", PLANES[k % len(PLANES)]))
-    return panel(title, picture, keys or [Key("nothing stands out in this frame")], width)
+            keys.append(sheet.Key(f"{what}: {_percent(share)}", PLANES[k % len(PLANES)]))
+    return sheet.panel(title, picture, keys or [sheet.Key("nothing stands out in this frame")], width)
 
 
 def _geoms(sight: Sight) -> int:
     return 1 if sight.scene is None else len(sight.scene.mechanism.shapes.radius)
 
 
-def _whole(sight: Sight, width: int) -> Crop:
-    return fitted_crop((0, 0, sight.video.width, sight.video.height), width, TALLEST)
+def _whole(sight: Sight, width: int) -> sheet.Crop:
+    return sheet.fitted_crop((0, 0, sight.video.width, sight.video.height), width, TALLEST)
 
 
 def _around(sight: Sight, outlines: list[np.ndarray]) -> tuple[float, float, float, float]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.arrays import Frozen, frozen
+from monodyn.arrays import Frozen, freeze
 from monodyn.choices import MOST_DRAWN, check_whole
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
@@ -120,12 +120,8 @@ class Regulator(Frozen):
     stability: Stability
 
     def __post_init__(self) -> None:
-        for name in ("gain", "cost", "state_weight", "torque_weight"):
-            object.__setattr__(
-                self,
-                name,
-                frozen(f"Regulator.{name}", getattr(self, name), (None, None), error=SettingsError),
-            )
+        names = ("gain", "cost", "state_weight", "torque_weight")
+        freeze(self, (None, None), *names, error=SettingsError)
 
     @property
     def actuated(self) -> tuple[str, ...]:

@@ -13,14 +13,8 @@ import numpy as np
 from monodyn.cores import beside
 from monodyn.estimation.record.tables import write_poses
 from monodyn.mechanism.urdf import NOT_IN_URDF
+from monodyn.results import export
 from monodyn.results.diagnosis import jpeg, write_diagnosis
-from monodyn.results.export import (
-    camera_table,
-    json_text,
-    prediction_table,
-    states_table,
-    torque_table,
-)
 from monodyn.results.filmed import write_film
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
@@ -67,7 +61,7 @@ def write_results(
         folder.write("poses.csv", lambda path: write_poses(record, path, marks, shared))
     filmed = findings.filmed
     if filmed is not None and filmed.camera_path is not None:
-        folder.write_text("camera.csv", camera_table(filmed.video.times, filmed.camera_path))
+        folder.write_text("camera.csv", export.camera_table(filmed.video.times, filmed.camera_path))
     if filmed is not None and filmed.sight is not None and findings.frames is not None:
         filmed.sight.fit_frames = (findings.frames[0], findings.frames[1])
     # what takes longest comes first, so that both threads end at about the same time
@@ -132,14 +126,14 @@ def _write_documents(folder: RunFolder, findings: Findings) -> dict[str, Any]:
     write_models(folder, findings)
     # so that a file that was changed by hand is told from the one that was written
     document = sealed({**fit_document(findings), "model_sha256": digest(folder.stage / "model.xml")})
-    folder.write_text("fit.json", json_text(document))
+    folder.write_text("fit.json", export.json_text(document))
     joints = [joint.name for joint in fit.mechanism.joints]
     moved = [replace(one, states=motion) for one, motion in zip(traces, findings.motions, strict=True)]
-    folder.write_text("states.csv", states_table(joints, moved))
-    folder.write_text("prediction.csv", prediction_table(joints, traces))
+    folder.write_text("states.csv", export.states_table(joints, moved))
+    folder.write_text("prediction.csv", export.prediction_table(joints, traces))
     if any(trace.torques is not None for trace in traces):
         courses = [torque_course(fit, trace.all_times, record=k) for k, trace in enumerate(traces)]
-        folder.write_text("torques.csv", torque_table(joints, traces, courses))
+        folder.write_text("torques.csv", export.torque_table(joints, traces, courses))
     return document
 
 

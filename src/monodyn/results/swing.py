@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monodyn.arrays import Frozen, frozen
+from monodyn.arrays import Frozen, freeze
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import Fit
 from monodyn.mechanism import Mechanism
@@ -72,11 +72,10 @@ class SwingUp(Frozen):
 
     def __post_init__(self) -> None:
         frames = len(self.time)
-        set_ = object.__setattr__
-        set_(self, "time", frozen("SwingUp.time", self.time, (frames,)))
-        set_(self, "states", frozen("SwingUp.states", self.states, (frames, None)))
-        set_(self, "torque", frozen("SwingUp.torque", self.torque, (frames - 1, None)))
-        set_(self, "gain", frozen("SwingUp.gain", self.gain, (frames - 1, None, None)))
+        freeze(self, (frames,), "time")
+        freeze(self, (frames, None), "states")
+        freeze(self, (frames - 1, None), "torque")
+        freeze(self, (frames - 1, None, None), "gain")
 
     @property
     def joints(self) -> tuple[str, ...]:

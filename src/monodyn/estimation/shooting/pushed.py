@@ -11,12 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from monodyn.arrays import usual_step
-from monodyn.estimation.shooting.accelerations import (
-    SmoothMotion,
-    known_torque,
-    mismatch_rows,
-    torque_response,
-)
+from monodyn.estimation.shooting import accelerations
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.scaling import with_masses
 from monodyn.mechanism.torques import LAG
@@ -29,7 +24,7 @@ DEPENDENT = 1e-6
 """Directions of the other unknowns below this share of the largest are none."""
 
 
-def at_best_torque(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> np.ndarray:
+def at_best_torque(problem: Problem, x: np.ndarray, motion: accelerations.SmoothMotion) -> np.ndarray:
     """Move the scale of masses and the lag to where known torques explain most of the accelerations.
 
     Args:
@@ -45,16 +40,16 @@ def at_best_torque(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> np.
         variables separate, 1973.
     """
     undriven = problem.with_data(replace(problem.data, torques=()))
-    rows, jacobian = mismatch_rows(undriven, x, motion)
+    rows, jacobian = accelerations.mismatch_rows(undriven, x, motion)
     norms = np.linalg.norm(jacobian, axis=0)
     left, singular, _ = np.linalg.svd(jacobian / np.where(norms > 0, norms, 1.0), full_matrices=False)
     # without a torque masses have no scale: what moves nothing must not take a direction from the torque
     span = left[:, singular > DEPENDENT * max(float(singular.max(initial=0.0)), 1e-300)]
     lacking = rows - span @ (span.T @ rows)
-    response = torque_response(undriven, x, motion) * motion.weight[:, :, None]
+    response = accelerations.torque_response(undriven, x, motion) * motion.weight[:, :, None]
     best, gain, scale = x, 0.0, 1.0
     for at in _lagged(problem, x, motion):
-        torque, _ = known_torque(problem, motion, problem.at(at).lag)
+        torque, _ = accelerations.known_torque(problem, motion, problem.at(at).lag)
         pushed = np.zeros_like(rows)
         pushed[: motion.weight.size] = np.einsum("fij,fj->fi", response, torque).ravel()
         pushed -= span @ (span.T @ pushed)
@@ -65,7 +60,7 @@ def at_best_torque(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> np.
     return with_masses(problem, best, 1.0 / scale)
 
 
-def _lagged(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> list[np.ndarray]:
+def _lagged(problem: Problem, x: np.ndarray, motion: accelerations.SmoothMotion) -> list[np.ndarray]:
     """Return the coordinates at each lag that is tried."""
     unknowns = problem.unknowns
     if LAG not in unknowns.names:

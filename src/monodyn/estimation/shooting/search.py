@@ -11,15 +11,9 @@ import numpy as np
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.record.smooth import NORMAL, Smoothed
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting import shoot
 from monodyn.estimation.shooting.accelerations import smooth_motion
 from monodyn.estimation.shooting.problem import Problem
-from monodyn.estimation.shooting.shoot import (
-    Optimum,
-    Route,
-    fit_pieces,
-    multiple_shooting,
-    relative_difference,
-)
 from monodyn.estimation.shooting.starts import STATES_ALONE, starts
 from monodyn.estimation.wording import listed
 from monodyn.optimize import SearchSettings, first_good
@@ -67,13 +61,13 @@ class Search:
     ) -> None:
         fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-4, relative=1e-7)
         self.problem = problem
-        self.route = Route(settings.piece, settings.error_bound, fine, NEGLIGIBLE)
+        self.route = shoot.Route(settings.piece, settings.error_bound, fine, NEGLIGIBLE)
         self.motion = smooth_motion(problem, smoothed)
         self._speed = _speed(problem.data, smoothed)
         self._smoothed, self._settings = smoothed, settings
         self._progress, self._done = progress, 0
 
-    def from_starts(self, first: int = 0, *, give_up: bool = False) -> tuple[Optimum, int]:
+    def from_starts(self, first: int = 0, *, give_up: bool = False) -> tuple[shoot.Optimum, int]:
         """Search from one start after the other until the motion is explained, or two lead to one optimum.
 
         Args:
@@ -87,11 +81,11 @@ class Search:
         tried = starts(
             self.problem, self.motion, self._smoothed, self.route, self._settings.starts, self._settings.seed
         )
-        endings: list[Optimum] = []
+        endings: list[shoot.Optimum] = []
 
-        def ending(start: tuple[np.ndarray, Route]) -> Optimum:
+        def ending(start: tuple[np.ndarray, shoot.Route]) -> shoot.Optimum:
             endings.append(
-                multiple_shooting(
+                shoot.multiple_shooting(
                     self.problem, start[0], self._smoothed, start[1], self.report, self._hopeless
                 )
             )
@@ -105,24 +99,24 @@ class Search:
             best = self.from_start(best.x)
         return replace(best, twins=self._twins(best, endings)), first + count
 
-    def _twins(self, best: Optimum, endings: Sequence[Optimum]) -> tuple[np.ndarray, ...]:
+    def _twins(self, best: shoot.Optimum, endings: Sequence[shoot.Optimum]) -> tuple[np.ndarray, ...]:
         """Return where other starts ended that explain the record as well, beyond a rise of the cost."""
         apart = 0.5 * ALIKE * max(best.sigma, 1.0) ** 2
-        found: list[Optimum] = []
+        found: list[shoot.Optimum] = []
         for other in endings:
             near = other.complete and best.complete and abs(other.cost - best.cost) < apart
             if other is not best and near and all(self._rise(one, other) > apart for one in (best, *found)):
                 found.append(other)
         return tuple(other.x for other in found)
 
-    def _rise(self, one: Optimum, other: Optimum) -> float:
+    def _rise(self, one: shoot.Optimum, other: shoot.Optimum) -> float:
         """Return by how much the cost half-way between two optima is above theirs: along a direction that is
         open it does not rise, and the intervals say so."""
         start = one.trial.at(0.5 * (one.x + other.x), 0.5 * (one.trial.states + other.trial.states))
-        middle = fit_pieces(self.problem, start, self.route, STATES_ALONE, held=True)
+        middle = shoot.fit_pieces(self.problem, start, self.route, STATES_ALONE, held=True)
         return middle.cost - max(one.cost, other.cost)
 
-    def from_start(self, x: np.ndarray, *, give_up: bool = False) -> Optimum:
+    def from_start(self, x: np.ndarray, *, give_up: bool = False) -> shoot.Optimum:
         """Return the optimum to which one start leads.
 
         Args:
@@ -130,9 +124,9 @@ class Search:
             give_up: Stay with the first pieces where these cannot be followed.
         """
         hopeless = self._hopeless if give_up else None
-        return multiple_shooting(self.problem, x, self._smoothed, self.route, self.report, hopeless)
+        return shoot.multiple_shooting(self.problem, x, self._smoothed, self.route, self.report, hopeless)
 
-    def explained(self, optimum: Optimum) -> bool:
+    def explained(self, optimum: shoot.Optimum) -> bool:
         """Return whether the motion follows the record, within its noise or nearly.
 
         A sample counts as much as its joint is fast: where most of a record is rest, anything that comes to
@@ -152,7 +146,7 @@ class Search:
             for values, speed in zip(off.T, self._speed.T, strict=True)
         )
 
-    def report(self, stage: Optimum) -> None:
+    def report(self, stage: shoot.Optimum) -> None:
         """Count a stage for the progress display.
 
         Args:
@@ -162,10 +156,10 @@ class Search:
         if self._progress is not None:
             self._progress("identify", self._done, None)
 
-    def _relative_difference(self, optimum: Optimum) -> float:
-        return relative_difference(self.problem, optimum.trial)
+    def _relative_difference(self, optimum: shoot.Optimum) -> float:
+        return shoot.relative_difference(self.problem, optimum.trial)
 
-    def _hopeless(self, optimum: Optimum) -> bool:
+    def _hopeless(self, optimum: shoot.Optimum) -> bool:
         if not np.isfinite(optimum.cost):
             return True
         return optimum.sigma > HOPELESS_NOISE and self._relative_difference(optimum) > HOPELESS_SHARE
@@ -193,7 +187,7 @@ def _weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
     return float(values[order][int(np.searchsorted(share, 0.5 * share[-1]))])
 
 
-def residual_size(optimum: Optimum) -> float:
+def residual_size(optimum: shoot.Optimum) -> float:
     """Return the mean size of the whitened residuals, by which results are ranked: gross errors do not rule.
 
     Args:
@@ -203,7 +197,7 @@ def residual_size(optimum: Optimum) -> float:
     return size if optimum.complete else 1e12 + size
 
 
-def difference_size(problem: Problem, optimum: Optimum, joints: Sequence[str]) -> float:
+def difference_size(problem: Problem, optimum: shoot.Optimum, joints: Sequence[str]) -> float:
     """Return the mean size of what is left over of some joints, in units of the stated noise, as it compares
     with that of another model, which may have more of them.
 
@@ -218,7 +212,7 @@ def difference_size(problem: Problem, optimum: Optimum, joints: Sequence[str]) -
     return float(np.nanmean(sizes))
 
 
-def _same(one: Optimum, other: Optimum) -> bool:
+def _same(one: shoot.Optimum, other: shoot.Optimum) -> bool:
     """Return whether two searches led to one motion, whatever the unknowns that it does not determine."""
     if not (one.complete and other.complete):
         return False

@@ -19,19 +19,11 @@ def proportions(assumed: Sequence[Parameter]) -> list[str]:
     """
     if not assumed:
         return []
-    names = [p.name for p in assumed]
-    if len(names) == 1:
-        return [
-            f"Neither a picture nor this motion determines {names[0]}: within a factor of 1.6 (one "
-            "standard deviation) it is taken in "
-            "proportion to the length of its body, as in the file, and the intervals contain that; a "
-            "measured value, given with --fix, would make them narrower."
-        ]
+    it, its, value = _number(assumed)
     return [
-        f"Neither a picture nor this motion determines {listed(names, 12)}: within a factor of 1.6 (one "
-        "standard deviation) they are "
-        "taken in proportion to the length of their body, as in the file, and the intervals contain that; "
-        "measured values, given with --fix, would make them narrower."
+        f"Neither a picture nor this motion determines {_listed(assumed)}: within a factor of 1.6 (one "
+        f"standard deviation) {it} taken in proportion to the length of {its} body, as in the file, and the "
+        f"intervals contain that; {value}, given with --fix, would make them narrower."
     ]
 
 
@@ -46,15 +38,20 @@ def thicknesses(assumed: Sequence[Parameter]) -> list[str]:
     """
     if not assumed:
         return []
-    names = [p.name for p in assumed]
-    if len(names) == 1:
-        return [
-            "No picture shows a thickness along the line of sight, and the motion hardly determines "
-            f"{names[0]}: within a factor of 2 it is taken in proportion to the main geom of its body, as in "
-            "the file; the lengths depend on it, so give a measured value with --fix."
-        ]
+    it, its, value = _number(assumed)
     return [
         "No picture shows a thickness along the line of sight, and the motion hardly determines "
-        f"{listed(names, 12)}: within a factor of 2 they are taken in proportion to the main geom of their "
-        "body, as in the file; the lengths depend on it, so give measured values with --fix."
+        f"{_listed(assumed)}: within a factor of 2 {it} taken in proportion to the main geom of {its} body, "
+        f"as in the file; the lengths depend on it, so give {value} with --fix."
     ]
+
+
+def _listed(assumed: Sequence[Parameter]) -> str:
+    return listed([p.name for p in assumed], 12)
+
+
+def _number(assumed: Sequence[Parameter]) -> tuple[str, str, str]:
+    """Return the words of a sentence that depend on whether it is about one or several."""
+    if len(assumed) == 1:
+        return "it is", "its", "a measured value"
+    return "they are", "their", "measured values"

@@ -5,23 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.mechanism import tree
 from monodyn.mechanism.assembled import over
-from monodyn.mechanism.tree import (
-    AIR,
-    ANCHOR_X,
-    ANCHOR_Y,
-    ARMATURE,
-    COM_X,
-    COM_Y,
-    DAMPING,
-    DRAG,
-    FRICTION,
-    HINGE,
-    INERTIA,
-    MASS,
-    REST,
-    STIFFNESS,
-)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -34,7 +19,7 @@ def factors(parent, kind, links, gravity, absolute):  # pragma: no cover - compi
     dofs, _, draws = links.shape
     hinged, last = np.ones(dofs, np.bool_), -1
     for i in range(dofs):
-        if kind[i] != HINGE:
+        if kind[i] != tree.HINGE:
             hinged[i] = False
             if parent[i] >= 0:
                 hinged[parent[i]] = False
@@ -45,7 +30,7 @@ def factors(parent, kind, links, gravity, absolute):  # pragma: no cover - compi
             last = i
             count += 4
             if parent[i] >= 0:
-                count += 4 if kind[parent[i]] == HINGE else 2
+                count += 4 if kind[parent[i]] == tree.HINGE else 2
     found, unit = np.empty((count, draws), links.dtype), np.empty(draws, links.dtype)
     total, inertia, first_x, first_y = (
         np.empty(dofs, links.dtype),
@@ -55,18 +40,18 @@ def factors(parent, kind, links, gravity, absolute):  # pragma: no cover - compi
     )
     for k in range(draws):
         for i in range(dofs):
-            total[i] = links[i, MASS, k]
+            total[i] = links[i, tree.MASS, k]
         for i in range(dofs - 1, -1, -1):  # children stand after their parents
             if parent[i] >= 0:
                 total[parent[i]] += total[i]
         for i in range(dofs):
-            mass, cx, cy = links[i, MASS, k], links[i, COM_X, k], links[i, COM_Y, k]
-            inertia[i] = links[i, INERTIA, k] + mass * (cx * cx + cy * cy)
+            mass, cx, cy = links[i, tree.MASS, k], links[i, tree.COM_X, k], links[i, tree.COM_Y, k]
+            inertia[i] = links[i, tree.INERTIA, k] + mass * (cx * cx + cy * cy)
             first_x[i], first_y[i] = mass * cx, mass * cy
         for i in range(dofs):
             p = parent[i]
             if p >= 0:
-                ax, ay = links[i, ANCHOR_X, k], links[i, ANCHOR_Y, k]
+                ax, ay = links[i, tree.ANCHOR_X, k], links[i, tree.ANCHOR_Y, k]
                 inertia[p] += total[i] * (ax * ax + ay * ay)
                 first_x[p] += total[i] * ax
                 first_y[p] += total[i] * ay
@@ -76,13 +61,13 @@ def factors(parent, kind, links, gravity, absolute):  # pragma: no cover - compi
         for i in range(dofs):
             found[n, k] = over(inertia[i] if hinged[i] else total[i], by)
             # where a spring is slack counts as much as the spring does
-            found[n + 1, k] = over(links[i, STIFFNESS, k] * links[i, REST, k], by)
-            found[n + 2, k] = over(links[i, DAMPING, k], by)
-            found[n + 3, k] = over(links[i, FRICTION, k], by)
-            found[n + 4, k] = over(links[i, STIFFNESS, k], by)
-            found[n + 5, k] = over(links[i, DRAG, k], by)
-            found[n + 6, k] = over(links[i, AIR, k], by)
-            found[n + 7, k] = over(links[i, ARMATURE, k], by)
+            found[n + 1, k] = over(links[i, tree.STIFFNESS, k] * links[i, tree.REST, k], by)
+            found[n + 2, k] = over(links[i, tree.DAMPING, k], by)
+            found[n + 3, k] = over(links[i, tree.FRICTION, k], by)
+            found[n + 4, k] = over(links[i, tree.STIFFNESS, k], by)
+            found[n + 5, k] = over(links[i, tree.DRAG, k], by)
+            found[n + 6, k] = over(links[i, tree.AIR, k], by)
+            found[n + 7, k] = over(links[i, tree.ARMATURE, k], by)
             n += 8
             if not hinged[i]:
                 continue
@@ -90,8 +75,8 @@ def factors(parent, kind, links, gravity, absolute):  # pragma: no cover - compi
             found[n, k], found[n + 1, k] = x * gravity[0, k], x * gravity[1, k]
             found[n + 2, k], found[n + 3, k] = y * gravity[0, k], y * gravity[1, k]
             n += 4
-            if parent[i] >= 0 and kind[parent[i]] == HINGE:
-                ax, ay = links[i, ANCHOR_X, k], links[i, ANCHOR_Y, k]
+            if parent[i] >= 0 and kind[parent[i]] == tree.HINGE:
+                ax, ay = links[i, tree.ANCHOR_X, k], links[i, tree.ANCHOR_Y, k]
                 found[n, k], found[n + 1, k] = x * ax, x * ay
                 found[n + 2, k], found[n + 3, k] = y * ax, y * ay
                 n += 4

@@ -14,6 +14,7 @@ import numpy as np
 from monodyn.estimation.parts import Common
 from monodyn.estimation.record.samples import Data
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting import shoot
 from monodyn.estimation.shooting.common import common_error, left_open, less, unknown_errors
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.scaling import (
@@ -22,16 +23,6 @@ from monodyn.estimation.shooting.scaling import (
     with_masses_of_start,
 )
 from monodyn.estimation.shooting.search import NEGLIGIBLE
-from monodyn.estimation.shooting.shoot import (
-    ROUGH,
-    Optimum,
-    Route,
-    choose_substeps,
-    fit_pieces,
-    relative_difference,
-    typical,
-    with_proportions,
-)
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.estimation.torque.evidence import at_noise, cleared
 from monodyn.estimation.verdict.trust import LOST_NOISE, LOST_SHARE
@@ -69,7 +60,7 @@ class Refined:
     """
 
     problem: Problem
-    optimum: Optimum
+    optimum: shoot.Optimum
     known: Knowledge
     noise: NoiseFactors
     rejected: np.ndarray
@@ -108,7 +99,7 @@ class Refined:
         return left / float(np.mean(self.noise.correlation)) ** 2
 
 
-def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Refined:
+def refine(problem: Problem, optimum: shoot.Optimum, settings: IdentifySettings) -> Refined:
     """Leave gross errors out and weigh the joints with the noise that their residuals show.
 
     Args:
@@ -119,7 +110,7 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     Returns:
         The optimum and what is known there.
     """
-    problem, optimum = with_proportions(problem, optimum)
+    problem, optimum = shoot.with_proportions(problem, optimum)
     rejected = _gross(problem.data, optimum.residuals, settings.outlier)
     stated = problem.with_data(problem.data.without(rejected))
     route = route_of(problem, optimum, settings)
@@ -143,7 +134,7 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
             # the noise is that of positions to which the motion was fitted: it has yet to follow others
             common = common_error(_weighted(stated, noise), optimum.trial, common.mean)
             stated = whole.with_data(less(whole.data, common.mean))
-        optimum = fit_pieces(
+        optimum = shoot.fit_pieces(
             _weighted(stated, noise), optimum.trial, route, route.fine, robust=False, substeps=steps
         )
         evaluations, rounds = evaluations + optimum.evaluations, rounds + 1
@@ -151,7 +142,7 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
         # the motion hardly changes from round to round, and neither do the steps that it needs
         steps = optimum.trial.substeps
         if rounds >= most or (rounds >= NOISE_ROUNDS and noise.is_about(before)):
-            needed, error = choose_substeps(stated, optimum.trial, settings.error_bound)
+            needed, error = shoot.choose_substeps(stated, optimum.trial, settings.error_bound)
             # again where the optimum needs more integration steps than the search chose; they double at least
             if needed <= steps or route.share:
                 break
@@ -165,7 +156,7 @@ def refine(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Re
     return Refined(stated, optimum, known, noise, rejected, needed, error, common)
 
 
-def route_of(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> Route:
+def route_of(problem: Problem, optimum: shoot.Optimum, settings: IdentifySettings) -> shoot.Route:
     """Return how exactly an optimum is searched: roughly where the motion does not follow the record.
 
     Args:
@@ -173,15 +164,15 @@ def route_of(problem: Problem, optimum: Optimum, settings: IdentifySettings) -> 
         optimum: The optimum.
         settings: Gives the numbers.
     """
-    if relative_difference(problem, optimum.trial) > LOST_SHARE and optimum.sigma > LOST_NOISE:
+    if shoot.relative_difference(problem, optimum.trial) > LOST_SHARE and optimum.sigma > LOST_NOISE:
         # it is refused, however exactly it was found
-        return Route(settings.piece, settings.error_bound, ROUGH, NEGLIGIBLE)
+        return shoot.Route(settings.piece, settings.error_bound, shoot.ROUGH, NEGLIGIBLE)
     # so near to the optimum all but plain Gauss-Newton steps lead there
     fine = SearchSettings(evaluations=settings.evaluations, decrease=1e-7, relative=1e-9, damping=1e-9)
-    return Route(settings.piece, settings.error_bound, fine)
+    return shoot.Route(settings.piece, settings.error_bound, fine)
 
 
-def _noise(problem: Problem, optimum: Optimum) -> NoiseFactors:
+def _noise(problem: Problem, optimum: shoot.Optimum) -> NoiseFactors:
     difference, rates = problem.differences(optimum.trial), problem.rates(optimum.trial)
     return noise_factors(problem.data, difference, _fitted(problem, optimum), rates)
 
@@ -191,13 +182,13 @@ def _weighted(problem: Problem, noise: NoiseFactors) -> Problem:
     return problem.with_data(noise.weighted(problem.data))
 
 
-def _fitted(problem: Problem, optimum: Optimum) -> int:
+def _fitted(problem: Problem, optimum: shoot.Optimum) -> int:
     """Number of unknowns that take a degree of freedom from the motion."""
     from_picture = problem.prior.rank
     return max(len(problem.unknowns) - from_picture, 0) + optimum.trial.states.size
 
 
-def _as_seen(problem: Problem, optimum: Optimum) -> Optimum:
+def _as_seen(problem: Problem, optimum: shoot.Optimum) -> shoot.Optimum:
     """Bring the sizes that a picture has shown to its proportions, at their common scale.
 
     With the noise that its residuals show, a motion that is not followed tells less of them than the picture
@@ -214,7 +205,7 @@ def _as_seen(problem: Problem, optimum: Optimum) -> Optimum:
     return replace(optimum, trial=_in_units_of(problem, optimum, x))
 
 
-def _settled(problem: Problem, optimum: Optimum) -> Optimum:
+def _settled(problem: Problem, optimum: shoot.Optimum) -> shoot.Optimum:
     """Bring gravity, time scale and the scale of masses to the start where the motion does not fix them."""
     before = float(np.sum(problem.residuals(optimum.trial) ** 2))
     # each change is kept only where the motion does not change, which the change itself does not know: a
@@ -232,7 +223,7 @@ def _settled(problem: Problem, optimum: Optimum) -> Optimum:
     return optimum
 
 
-def _in_units_of(problem: Problem, optimum: Optimum, x: np.ndarray) -> Trial:
+def _in_units_of(problem: Problem, optimum: shoot.Optimum, x: np.ndarray) -> Trial:
     """Move to ``x`` (param,) with the measured start: states are in metres and true time, records are not."""
     trial = optimum.trial
     dofs = trial.states.shape[1] // 2
@@ -248,7 +239,7 @@ def _gross(data: Data, residuals: np.ndarray, outlier: float) -> np.ndarray:
     if outlier == 0:
         return far
     for dof, use in enumerate(data.measured.T):
-        size = max(typical(residuals[:, [dof]], use[:, None]), 1.0)
+        size = max(shoot.typical(residuals[:, [dof]], use[:, None]), 1.0)
         far[use & (np.abs(residuals[:, dof]) > outlier * size)] = True
     # a gross error comes alone: where the motion itself is missed, many rows in a row are far off
     measured = np.asarray(data.measured.any(axis=1))

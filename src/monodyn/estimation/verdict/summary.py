@@ -16,7 +16,7 @@ from monodyn.estimation.shooting.prior import Proportion, size_ratios, thickness
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.shoot import Optimum, relative_difference
 from monodyn.estimation.torque.task import TorqueSolution
-from monodyn.estimation.verdict import advice, assumed, undetermined
+from monodyn.estimation.verdict import advice, assumed, trust, undetermined
 from monodyn.estimation.verdict.combinations import combinations
 from monodyn.estimation.verdict.gravity import density_shares, gravity_share
 from monodyn.estimation.verdict.intervals import estimates
@@ -27,14 +27,6 @@ from monodyn.estimation.verdict.repeating import repeating_share
 from monodyn.estimation.verdict.shares import with_share
 from monodyn.estimation.verdict.springs import like_weight
 from monodyn.estimation.verdict.student import half_width
-from monodyn.estimation.verdict.trust import (
-    EVEN,
-    LOST_SHARE,
-    identified,
-    motion_ranges,
-    moves_evenly,
-    verdict,
-)
 from monodyn.estimation.verdict.twins import told, twins_of
 from monodyn.estimation.verdict.uncertainty import Knowledge
 from monodyn.estimation.verdict.unmodelled import unmodelled
@@ -94,7 +86,7 @@ def summarize(
         quantile = half_width(found.freedom)
         parameters, hardly = refitted(found, fit.parameters, quantile, settings, progress)
         fit = replace(fit, parameters=parameters, seconds=time.perf_counter() - began)
-    missed = verdict(found.problem, found.optimum, fit.rms, found.noise)
+    missed = trust.verdict(found.problem, found.optimum, fit.rms, found.noise)
     # a motion that is refused is that of another mechanism: neither intervals nor twins are any use
     lost = missed is not None and missed.grade == "refused"
     if lost and found.common is not None:
@@ -113,7 +105,7 @@ def summarize(
     ended = [problem.unknowns.named(x) for x in optimum.twins]
     fit = replace(
         fit,
-        status=identified(found.problem, fit.rms),
+        status=trust.identified(found.problem, fit.rms),
         stamp_error=found.noise.stamps,
         unmodelled=lacking,
         common=() if found.common is None else by_record(found.common, records),
@@ -152,7 +144,7 @@ def _doubts(found: Refined, fit: Fit, settings: IdentifySettings, missed: Doubt 
 def _damaged(found: Refined) -> list[str]:
     """Say that the record holds what no motion could have left there: then it may be wrong elsewhere too."""
     problem = found.problem
-    size = np.abs(problem.data.position) / np.maximum(motion_ranges(problem), 1.0)
+    size = np.abs(problem.data.position) / np.maximum(trust.motion_ranges(problem), 1.0)
     beyond = size[found.rejected] > BEYOND
     if not beyond.any():
         return []
@@ -171,8 +163,8 @@ def _unlikely(found: Refined, fit: Fit) -> str | None:
     if not np.isfinite(found.error):
         # small residuals with one number of steps only: neither a prediction nor a simulator follows
         return UNSTABLE
-    if moves_evenly(found.problem.data):
-        return EVEN
+    if trust.moves_evenly(found.problem.data):
+        return trust.EVEN
     if ended := _at_limit(fit, mechanism):
         return (
             f"{listed(ended)} ended at the limit of what is tried: the motion is not that of the mechanism, "
@@ -368,14 +360,14 @@ def _advice(found: Refined, fit: Fit, records: tuple[Poses, ...], settings: Iden
     # hardly any record states its noise well: what is small against the motion is no fault of the model; and
     # what is as large as the motion itself is none that masses or a tilt could explain
     share = relative_difference(problem, optimum.trial)
-    large = CLEAR_SHARE < share <= LOST_SHARE
+    large = CLEAR_SHARE < share <= trust.LOST_SHARE
     # where they were open, free ones were tried
     uniform = unknowns.uniform and (settings.torque != "auto" or settings.bodies == "uniform")
     lacking = advice.Assumed(
         uniform=uniform and large,
         frictionless=advice.zero_frictions(mechanism, unknowns) if large or not fit.ok else (),
         # the zero of an encoder may be a quarter turn away, which no picture's is
-        level=(share <= LOST_SHARE or mechanism.measured is None) and _taken_level(problem),
+        level=(share <= trust.LOST_SHARE or mechanism.measured is None) and _taken_level(problem),
     )
     sentences = advice.without_weight(mechanism)
     sentences += advice.misfit(mechanism, fit.rms, found.noise, lacking)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monodyn.arrays import Frozen, frozen
+from monodyn.arrays import Frozen, freeze
 from monodyn.errors import VideoError
 from monodyn.types import Frame
 from monodyn.vision.clip.homography import Homography
@@ -67,9 +67,8 @@ class CameraPath(Frozen):
 
     def __post_init__(self) -> None:
         count = len(self.std)
-        maps = frozen("CameraPath.maps", self.maps, (count, 3, 3), error=VideoError)
-        object.__setattr__(self, "maps", maps)
-        object.__setattr__(self, "std", frozen("CameraPath.std", self.std, (count,), error=VideoError))
+        freeze(self, (count, 3, 3), "maps", error=VideoError)
+        freeze(self, (count,), "std", error=VideoError)
 
     @property
     def registered(self) -> np.ndarray:

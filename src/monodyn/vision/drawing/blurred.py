@@ -15,39 +15,7 @@ from numba import njit
 
 from monodyn.types import FULL
 from monodyn.uncounted import INLINED, UNCOUNTED
-from monodyn.vision.drawing.probe import (
-    AT_X,
-    AT_Y,
-    AWAY,
-    BORDER,
-    DEEP_PX,
-    FAINT,
-    FAR_FROM,
-    FAR_SHARE,
-    FAR_TO,
-    FAR_X,
-    FAR_Y,
-    FLAT_PX,
-    GAIN,
-    GEOM,
-    HIDDEN,
-    INNER,
-    LEAST_LEVEL,
-    NORMAL_X,
-    NORMAL_Y,
-    OUTSIDE,
-    SHOWN,
-    STEP_PX,
-    TRUSTED,
-    USED,
-    WEIGHT,
-    Normal,
-    bilinear,
-    depth_inside,
-    is_covered,
-    least_trust,
-    meets,
-)
+from monodyn.vision.drawing import probe
 from monodyn.vision.foreground.masks import BACK
 
 LEAST_SWEEP_PX = 1.0
@@ -72,7 +40,7 @@ def find_blurred_edge(
     lines: np.ndarray,
     order: np.ndarray,
     own: int,
-    at: Normal,
+    at: probe.Normal,
     path: tuple[float, float, float, float],
     reach: float,
     ends: np.ndarray,
@@ -107,24 +75,28 @@ def find_blurred_edge(
     """
     height, width = coverage.shape
     x, y, nx, ny = at
-    sample[NORMAL_X], sample[NORMAL_Y] = nx, ny
-    sample[AT_X], sample[AT_Y], sample[GEOM] = x, y, own
+    sample[probe.NORMAL_X], sample[probe.NORMAL_Y] = nx, ny
+    sample[probe.AT_X], sample[probe.AT_Y], sample[probe.GEOM] = x, y, own
     begin, end = path[0] * nx + path[1] * ny, path[2] * nx + path[3] * ny
     # no farther inwards than the middle of the geom: what is beyond counts for the normals of the other side
-    middle = 0.5 * depth_inside(lines, first[own], first[own + 1], at)
+    middle = 0.5 * probe.depth_inside(lines, first[own], first[own + 1], at)
     inner, outer = min(reach - min(begin, end, 0.0), middle), reach + max(begin, end, 0.0)
     for t in (-inner, outer):
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
-            return OUTSIDE
-    for there in (at, Normal(x - path[0], y - path[1], nx, ny), Normal(x - path[2], y - path[3], nx, ny)):
+            return probe.OUTSIDE
+    for there in (
+        at,
+        probe.Normal(x - path[0], y - path[1], nx, ny),
+        probe.Normal(x - path[2], y - path[3], nx, ny),
+    ):
         # the other geoms move much the same: seen from them it is this place that moves
-        covered = is_covered(lines, first, order, own, there, reach)
-        if covered or meets(lines, first, order, own, there, -inner, BACK):
-            return HIDDEN
-    weight = least_trust(known, at, inner, outer)
-    if weight < TRUSTED:
-        return FAINT
-    deep, depth = DEEP * inner, min(DEEP_PX, inner)
+        covered = probe.is_covered(lines, first, order, own, there, reach)
+        if covered or probe.meets(lines, first, order, own, there, -inner, BACK):
+            return probe.HIDDEN
+    weight = probe.least_trust(known, at, inner, outer)
+    if weight < probe.TRUSTED:
+        return probe.FAINT
+    deep, depth = DEEP * inner, min(probe.DEEP_PX, inner)
     expected, deep_expected, shown, near, far = 0.0, 0.0, 0.0, 0.0, 0.0
     times = times_of(path)
     for k in range(times):
@@ -134,27 +106,27 @@ def find_blurred_edge(
         shown += (low < -depth < high) / times
         near += (-inner < high < outer and low < high) / times
         far += (-inner < low < outer and low < high) / times
-    steps = max(2, math.ceil((inner + outer) / STEP_PX))
+    steps = max(2, math.ceil((inner + outer) / probe.STEP_PX))
     step = (inner + outer) / steps
     total, inside = 0.0, 0.0
     for k in range(steps + 1):
         t = -inner + k * step
-        c = bilinear(coverage, x + t * nx, y + t * ny) * step
+        c = probe.bilinear(coverage, x + t * nx, y + t * ny) * step
         total += 0.5 * c if k == 0 or k == steps else c
         if t < -deep:
             inside += 0.5 * c if k == 0 else c
-    flat = shaded and inner >= FLAT_PX and inside > LEAST_LEVEL * FULL * deep_expected > 0.0
+    flat = shaded and inner >= probe.FLAT_PX and inside > probe.LEAST_LEVEL * FULL * deep_expected > 0.0
     level = inside / deep_expected if flat else FULL
     if near <= 0.0:
-        return FAINT
-    sample[BORDER] = False
-    sample[AWAY] = total / level - expected
+        return probe.FAINT
+    sample[probe.BORDER] = False
+    sample[probe.AWAY] = total / level - expected
     # noise adds up along the normal
-    sample[WEIGHT] = weight * weight * (reach + min(reach, middle)) / (inner + outer)
-    sample[INNER] = inner
-    sample[GAIN], sample[SHOWN] = near, max(shown, LEAST_SHARE)
+    sample[probe.WEIGHT] = weight * weight * (reach + min(reach, middle)) / (inner + outer)
+    sample[probe.INNER] = inner
+    sample[probe.GAIN], sample[probe.SHOWN] = near, max(shown, LEAST_SHARE)
     _other_side(px, hull, first[own], first[own + 1], at, far, ends, sample)
-    return USED
+    return probe.USED
 
 
 @njit(cache=True, **INLINED)
@@ -170,7 +142,7 @@ def covered_part(
     hull: np.ndarray,
     a: int,
     b: int,
-    at: Normal,
+    at: probe.Normal,
     path: tuple[float, float, float, float],
     time: float,
 ) -> tuple[float, float]:
@@ -202,15 +174,15 @@ def _other_side(
     hull: np.ndarray,
     a: int,
     b: int,
-    at: Normal,
+    at: probe.Normal,
     far: float,
     ends: np.ndarray,
     sample: np.ndarray,
 ) -> None:
     """Fill in the edge of ``hull[a:b]`` where a normal enters it, and what its displacement, in a share
     ``far`` of the exposure, adds to the area."""
-    sample[FAR_X], sample[FAR_Y] = 0.0, 0.0
-    ends[FAR_FROM], ends[FAR_TO], sample[FAR_SHARE] = hull[a], hull[a], 0.0
+    sample[probe.FAR_X], sample[probe.FAR_Y] = 0.0, 0.0
+    ends[probe.FAR_FROM], ends[probe.FAR_TO], sample[probe.FAR_SHARE] = hull[a], hull[a], 0.0
     nearest = 1e18
     for i in range(a, b):
         p = hull[i]
@@ -223,7 +195,7 @@ def _other_side(
         if 0.0 < depth < nearest:
             nearest = depth
             there = (at.x - depth * at.nx - px[p, 0]) * ex + (at.y - depth * at.ny - px[p, 1]) * ey
-            ends[FAR_FROM], ends[FAR_TO] = p, q
-            sample[FAR_SHARE] = min(max(there / (ex * ex + ey * ey), 0.0), 1.0)
+            ends[probe.FAR_FROM], ends[probe.FAR_TO] = p, q
+            sample[probe.FAR_SHARE] = min(max(there / (ex * ex + ey * ey), 0.0), 1.0)
             # (ey, -ex) points outwards
-            sample[FAR_X], sample[FAR_Y] = far * ey / across, -far * ex / across
+            sample[probe.FAR_X], sample[probe.FAR_Y] = far * ey / across, -far * ex / across

@@ -9,23 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monodyn.vision.drawing import probe
 from monodyn.vision.drawing.edges import MATCHED_PX, MOST_SAMPLES
 from monodyn.vision.drawing.normals import edge_samples
-from monodyn.vision.drawing.probe import (
-    AT_X,
-    AT_Y,
-    AWAY,
-    END_COLUMNS,
-    FAINT,
-    GAIN,
-    HIDDEN,
-    INNER,
-    NORMAL_X,
-    NORMAL_Y,
-    OUTSIDE,
-    REASON,
-    SAMPLE_COLUMNS,
-)
 from monodyn.vision.drawing.rig import Rig
 from monodyn.vision.drawing.shutter import swept_points
 from monodyn.vision.drawing.silhouette import blank_outlines, draw
@@ -71,22 +57,22 @@ def contour(
     """
     outlines = blank_outlines(rig, len(rig.radius))
     count = 0
-    samples = np.empty((MOST_SAMPLES, SAMPLE_COLUMNS))
+    samples = np.empty((MOST_SAMPLES, probe.SAMPLE_COLUMNS))
     if draw(rig, np.array(position, dtype=np.float64), outlines):
-        ends = np.empty((MOST_SAMPLES, END_COLUMNS), dtype=np.int64)
+        ends = np.empty((MOST_SAMPLES, probe.END_COLUMNS), dtype=np.int64)
         swept = swept_points(rig, np.array(position, dtype=np.float64), outlines)
         count = edge_samples(planes, view, outlines, swept, (reach, spacing), ends, samples, True)
     samples = samples[:count]
-    place, reason = samples[:, [AT_X, AT_Y]], samples[:, REASON]
-    left_out = [reason == OUTSIDE, reason == HIDDEN, reason == FAINT]
+    place, reason = samples[:, [probe.AT_X, probe.AT_Y]], samples[:, probe.REASON]
+    left_out = [reason == probe.OUTSIDE, reason == probe.HIDDEN, reason == probe.FAINT]
     # displacement and depth are not filled in for what is left out
     judged = ~np.any(left_out, axis=0)
-    away = np.where(judged, samples[:, AWAY], 0.0) / np.where(judged, samples[:, GAIN], 1.0)
-    inner = np.where(judged, samples[:, INNER], 1.0)
+    away = np.where(judged, samples[:, probe.AWAY], 0.0) / np.where(judged, samples[:, probe.GAIN], 1.0)
+    inner = np.where(judged, samples[:, probe.INNER], 1.0)
     none = (away > END * reach) | (away < -END * inner)
     fate = np.select(
         [*left_out, np.abs(away) < MATCHED_PX, none],
         [OFF_PICTURE, COVERED, NO_CONTRAST, ON_EDGE, NO_EDGE],
         ELSEWHERE,
     )
-    return Contour(place, place + away[:, np.newaxis] * samples[:, [NORMAL_X, NORMAL_Y]], fate)
+    return Contour(place, place + away[:, np.newaxis] * samples[:, [probe.NORMAL_X, probe.NORMAL_Y]], fate)

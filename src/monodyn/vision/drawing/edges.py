@@ -15,36 +15,9 @@ from numba import njit
 
 from monodyn.types import FULL
 from monodyn.uncounted import INLINED, UNCOUNTED
+from monodyn.vision.drawing import probe
 from monodyn.vision.drawing.camera import displaced_camera
 from monodyn.vision.drawing.normals import edge_samples
-from monodyn.vision.drawing.probe import (
-    AT_X,
-    AT_Y,
-    AWAY,
-    BORDER,
-    DEEP_PX,
-    END_COLUMNS,
-    FAR_FROM,
-    FAR_SHARE,
-    FAR_TO,
-    FAR_X,
-    FAR_Y,
-    FROM,
-    GAIN,
-    GEOM,
-    HIDDEN,
-    INNER,
-    LEAST_LEVEL,
-    NORMAL_X,
-    NORMAL_Y,
-    REASON,
-    SAMPLE_COLUMNS,
-    SHARE,
-    SHOWN,
-    TO,
-    USED,
-    WEIGHT,
-)
 from monodyn.vision.drawing.rig import Rig, altered
 from monodyn.vision.drawing.shutter import swept_points
 from monodyn.vision.drawing.silhouette import Outlines, blank_outlines, draw, projected
@@ -251,8 +224,8 @@ def edge_room(rig: Rig) -> EdgeRoom:
     Returns:
         Room to be filled by ``draw`` and ``drawn_edge_terms``.
     """
-    ends = np.empty((MOST_SAMPLES, END_COLUMNS), dtype=np.int64)
-    samples = np.empty((MOST_SAMPLES, SAMPLE_COLUMNS))
+    ends = np.empty((MOST_SAMPLES, probe.END_COLUMNS), dtype=np.int64)
+    samples = np.empty((MOST_SAMPLES, probe.SAMPLE_COLUMNS))
     return EdgeRoom(blank_outlines(rig, rig.radius.shape[0]), ends, samples)
 
 
@@ -311,14 +284,24 @@ def _add_samples(
     # the edge that the samples before lie on, and the weighted sums over these
     edge, edge_weight, edge_away = (0, 0), 0.0, 0.0
     for s in range(count):
-        link = found[rig.link[int(samples[s, GEOM])]]
-        if samples[s, REASON] != USED:
-            link[BEHIND] += samples[s, REASON] == HIDDEN
+        link = found[rig.link[int(samples[s, probe.GEOM])]]
+        if samples[s, probe.REASON] != probe.USED:
+            link[BEHIND] += samples[s, probe.REASON] == probe.HIDDEN
             continue
-        p, r = ends[s, FROM], ends[s, TO]
-        share, nx, ny, away = samples[s, SHARE], samples[s, NORMAL_X], samples[s, NORMAL_Y], samples[s, AWAY]
-        gain, a, b, other = samples[s, GAIN], ends[s, FAR_FROM], ends[s, FAR_TO], samples[s, FAR_SHARE]
-        far = samples[s, FAR_X] != 0.0 or samples[s, FAR_Y] != 0.0
+        p, r = ends[s, probe.FROM], ends[s, probe.TO]
+        share, nx, ny, away = (
+            samples[s, probe.SHARE],
+            samples[s, probe.NORMAL_X],
+            samples[s, probe.NORMAL_Y],
+            samples[s, probe.AWAY],
+        )
+        gain, a, b, other = (
+            samples[s, probe.GAIN],
+            ends[s, probe.FAR_FROM],
+            ends[s, probe.FAR_TO],
+            samples[s, probe.FAR_SHARE],
+        )
+        far = samples[s, probe.FAR_X] != 0.0 or samples[s, probe.FAR_Y] != 0.0
         # A sample lies at a fixed share of its edge, and moves with the edge's two points. Only what moves
         # it along the normal can be seen: along itself an edge looks the same.
         for j in range(size):
@@ -329,9 +312,9 @@ def _add_samples(
             if far:
                 dx = (1.0 - other) * (moved[j, a, 0] - px[a, 0]) + other * (moved[j, b, 0] - px[b, 0])
                 dy = (1.0 - other) * (moved[j, a, 1] - px[a, 1]) + other * (moved[j, b, 1] - px[b, 1])
-                row[j] += (dx * samples[s, FAR_X] + dy * samples[s, FAR_Y]) / h
+                row[j] += (dx * samples[s, probe.FAR_X] + dy * samples[s, probe.FAR_Y]) / h
         # the robust weight changes as the outline comes near: it is for the step, and not for the agreement
-        trusted = samples[s, WEIGHT]
+        trusted = samples[s, probe.WEIGHT]
         w = trusted * robust_weight(away, scale)
         link[SAMPLES] += 1.0
         link[TRUST] += trusted
@@ -378,13 +361,13 @@ def _take_out(
 @njit(cache=True, **INLINED)
 def _level_inside(planes: np.ndarray, view: View, sample: np.ndarray) -> float:
     """Return the coverage just inside of a sample (column,), as a share of what counts as whole there."""
-    if sample[BORDER] > 0.0:  # that the rest of the geom does not show is why it was looked for
+    if sample[probe.BORDER] > 0.0:  # that the rest of the geom does not show is why it was looked for
         return 1.0
-    deep = min(DEEP_PX, sample[INNER])
-    ix = int(sample[AT_X] - deep * sample[NORMAL_X] + 0.5)
-    iy = int(sample[AT_Y] - deep * sample[NORMAL_Y] + 0.5)
-    g = int(sample[GEOM])
-    whole = sample[SHOWN] * (LEAST_LEVEL * FULL if view.shaded[g] else FULL)
+    deep = min(probe.DEEP_PX, sample[probe.INNER])
+    ix = int(sample[probe.AT_X] - deep * sample[probe.NORMAL_X] + 0.5)
+    iy = int(sample[probe.AT_Y] - deep * sample[probe.NORMAL_Y] + 0.5)
+    g = int(sample[probe.GEOM])
+    whole = sample[probe.SHOWN] * (probe.LEAST_LEVEL * FULL if view.shaded[g] else FULL)
     return min(planes[view.part[g], iy, ix] / whole, 1.0)
 
 

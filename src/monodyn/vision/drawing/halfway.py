@@ -15,20 +15,7 @@ from numba import njit
 
 from monodyn.types import FULL
 from monodyn.uncounted import INLINED
-from monodyn.vision.drawing.probe import (
-    AT_X,
-    AT_Y,
-    AWAY,
-    BORDER,
-    FLAT_PX,
-    GEOM,
-    INNER,
-    LEAST_LEVEL,
-    NORMAL_X,
-    NORMAL_Y,
-    STEP_PX,
-    bilinear,
-)
+from monodyn.vision.drawing import probe
 from monodyn.vision.foreground.masks import View
 
 
@@ -48,15 +35,15 @@ def half_ways(planes: np.ndarray, view: View, samples: np.ndarray, reach: float)
     """
     found = np.full(samples.shape[0], np.nan)
     for s in range(samples.shape[0]):
-        if samples[s, BORDER] > 0.0:
+        if samples[s, probe.BORDER] > 0.0:
             continue
-        g, inner, away = int(samples[s, GEOM]), samples[s, INNER], samples[s, AWAY]
+        g, inner, away = int(samples[s, probe.GEOM]), samples[s, probe.INNER], samples[s, probe.AWAY]
         coverage = planes[view.part[g]]
         level = float(FULL)
-        if view.shaded[g] and inner >= FLAT_PX:
+        if view.shaded[g] and inner >= probe.FLAT_PX:
             own = _level_inside(coverage, samples[s], inner)
-            level = own if own > LEAST_LEVEL * FULL else level
-        steps = max(2, math.ceil((inner + reach) / STEP_PX))
+            level = own if own > probe.LEAST_LEVEL * FULL else level
+        steps = max(2, math.ceil((inner + reach) / probe.STEP_PX))
         step = (inner + reach) / steps
         before = 0.0
         for k in range(steps + 1):
@@ -73,8 +60,8 @@ def half_ways(planes: np.ndarray, view: View, samples: np.ndarray, reach: float)
 @njit(cache=True, **INLINED)
 def _coverage(coverage: np.ndarray, sample: np.ndarray, t: float) -> float:
     """Return the coverage, ``FULL`` at most, at a distance outwards of a sample (column,) [px]."""
-    x, y = sample[AT_X] + t * sample[NORMAL_X], sample[AT_Y] + t * sample[NORMAL_Y]
-    return min(bilinear(coverage, x, y), float(FULL))
+    x, y = sample[probe.AT_X] + t * sample[probe.NORMAL_X], sample[probe.AT_Y] + t * sample[probe.NORMAL_Y]
+    return min(probe.bilinear(coverage, x, y), float(FULL))
 
 
 @njit(cache=True, **INLINED)
@@ -85,5 +72,5 @@ def _level_inside(coverage: np.ndarray, sample: np.ndarray, inner: float) -> flo
     while t < -0.6 * inner:
         total += _coverage(coverage, sample, t)
         count += 1
-        t += STEP_PX
+        t += probe.STEP_PX
     return total / count

@@ -16,40 +16,8 @@ from numba import njit
 
 from monodyn.types import FULL
 from monodyn.uncounted import INLINED, UNCOUNTED
+from monodyn.vision.drawing import probe
 from monodyn.vision.drawing.blurred import LEAST_SWEEP_PX, find_blurred_edge
-from monodyn.vision.drawing.probe import (
-    AT_X,
-    AT_Y,
-    AWAY,
-    BORDER,
-    FAINT,
-    FAR_X,
-    FAR_Y,
-    FLAT_PX,
-    FROM,
-    GAIN,
-    GEOM,
-    HIDDEN,
-    INNER,
-    LEAST_LEVEL,
-    NORMAL_X,
-    NORMAL_Y,
-    OUTSIDE,
-    REASON,
-    SHARE,
-    SHOWN,
-    STEP_PX,
-    TO,
-    TRUSTED,
-    USED,
-    WEIGHT,
-    Normal,
-    depth_inside,
-    is_covered,
-    least_trust,
-    meets,
-    outline_lines,
-)
 from monodyn.vision.drawing.shutter import BEGIN_X, BEGIN_Y, DURING_X, DURING_Y, END_X, END_Y, WHEN
 from monodyn.vision.drawing.silhouette import Outlines
 from monodyn.vision.foreground.coverage import CHANGED_LEVEL
@@ -111,7 +79,7 @@ def edge_samples(
         Number of samples.
     """
     count = 0
-    lines = outline_lines(outlines.px, outlines.hull, outlines.first)
+    lines = probe.outline_lines(outlines.px, outlines.hull, outlines.first)
     for g in range(outlines.first.shape[0] - 1):
         if view.part[g] >= 0 and outlines.first[g + 1] - outlines.first[g] >= 3:
             count = _geom_samples(
@@ -168,7 +136,7 @@ def _geom_samples(
             if count >= samples.shape[0]:
                 return count
             # the hull turns so that (ey, -ex) points outwards
-            at = Normal(px[p, 0] + along * ex, px[p, 1] + along * ey, ey, -ex)
+            at = probe.Normal(px[p, 0] + along * ex, px[p, 1] + along * ey, ey, -ex)
             path = 0.0, 0.0, 0.0, 0.0
             if swept.shape[0] > 0:
                 one, two = 1.0 - along / length, along / length
@@ -181,7 +149,7 @@ def _geom_samples(
                 # Rows that are exposed one after the other bend an edge that turns: a place on it has both
                 # the rate and the row between those of its ends, and moves by their product.
                 bow = one * two * (swept[q, WHEN] - swept[p, WHEN])
-                at = Normal(
+                at = probe.Normal(
                     at.x - bow * (swept[q, DURING_X] - swept[p, DURING_X]),
                     at.y - bow * (swept[q, DURING_Y] - swept[p, DURING_Y]),
                     ey,
@@ -197,10 +165,10 @@ def _geom_samples(
                     coverage, known, borders, borders_known, shaded, lines, first, order, g, at, reach, top,
                     samples[count],
                 )  # fmt: skip
-            if reason == USED or left_out:
-                samples[count, REASON] = reason
-                ends[count, FROM], ends[count, TO] = p, q
-                samples[count, SHARE] = along / length
+            if reason == probe.USED or left_out:
+                samples[count, probe.REASON] = reason
+                ends[count, probe.FROM], ends[count, probe.TO] = p, q
+                samples[count, probe.SHARE] = along / length
                 count += 1
             along += spacing
         rest = along - length if along > length else 0.5 * spacing
@@ -238,7 +206,7 @@ def _find_edge(
     first: np.ndarray,
     order: np.ndarray,
     own: int,
-    at: Normal,
+    at: probe.Normal,
     reach: float,
     top: float,
     sample: np.ndarray,
@@ -251,26 +219,26 @@ def _find_edge(
     """
     height, width = coverage.shape
     x, y, nx, ny = at
-    sample[NORMAL_X], sample[NORMAL_Y] = nx, ny
-    sample[AT_X], sample[AT_Y], sample[GEOM] = x, y, own
+    sample[probe.NORMAL_X], sample[probe.NORMAL_Y] = nx, ny
+    sample[probe.AT_X], sample[probe.AT_Y], sample[probe.GEOM] = x, y, own
     # no farther inwards than the middle of the body: beyond it the other side's edge would be integrated
-    inner = min(reach, 0.5 * depth_inside(lines, first[own], first[own + 1], at))
+    inner = min(reach, 0.5 * probe.depth_inside(lines, first[own], first[own + 1], at))
     for t in (-inner, reach):
         if not (0.0 <= x + t * nx < width - 1.001 and 0.0 <= y + t * ny < height - 1.001):
-            return OUTSIDE
+            return probe.OUTSIDE
     # where another geom covers the outer side the mask has no edge: it goes on in the other geom
-    if is_covered(lines, first, order, own, at, reach):
-        return HIDDEN
-    weight = least_trust(known, at, inner, reach)
-    border = weight < TRUSTED
+    if probe.is_covered(lines, first, order, own, at, reach):
+        return probe.HIDDEN
+    weight = probe.least_trust(known, at, inner, reach)
+    border = weight < probe.TRUSTED
     if border:
-        coverage, weight = borders, least_trust(borders_known, at, inner, reach)
+        coverage, weight = borders, probe.least_trust(borders_known, at, inner, reach)
         # there the geom behind shows as well
-        if meets(lines, first, order, own, at, reach, FRONT):
-            return HIDDEN
-    if weight < TRUSTED:
-        return FAINT
-    steps = max(2, math.ceil((inner + reach) / STEP_PX))
+        if probe.meets(lines, first, order, own, at, reach, FRONT):
+            return probe.HIDDEN
+    if weight < probe.TRUSTED:
+        return probe.FAINT
+    steps = max(2, math.ceil((inner + reach) / probe.STEP_PX))
     step = (inner + reach) / steps
     # places from the outer end inwards, in whole units, of which a pixel has ``ONE``
     at_x, at_y = _units(x + reach * nx), _units(y + reach * ny)
@@ -295,30 +263,30 @@ def _find_edge(
     # as a fraction of the plane's own levels
     level, within = (total - outer) / VALUE, c / VALUE
     # where one in front covers the inner side the geom ends in it, unless the other one is not there
-    if within < ITS_OWN * FULL and meets(lines, first, order, own, at, -inner, BACK):
-        return HIDDEN
+    if within < ITS_OWN * FULL and probe.meets(lines, first, order, own, at, -inner, BACK):
+        return probe.HIDDEN
     area = (total - 0.5 * (begin + shown)) / VALUE
     # Trapezoids: the area under c over its level is how far the covered part of the normal goes. Light and
     # shade lower the level of a geom, and against full coverage its edge would seem to lie too far inside.
-    flat = shaded and inner >= FLAT_PX and level > LEAST_LEVEL * FULL * deep
+    flat = shaded and inner >= probe.FLAT_PX and level > probe.LEAST_LEVEL * FULL * deep
     level = level / deep if flat else FULL
     away = area * step / level - inner
     # Where the geom looks like the background, that nothing shows says nothing; a border that shows is an
     # edge.
     if border and most < CHANGED_LEVEL * FULL * VALUE:
-        return FAINT
+        return probe.FAINT
     if border or most > OVERFULL * max(within, FULL) * VALUE:
         # A side that stands out more than the front is narrow, and blur widens it. Half of its own level is
         # reached at ``half`` from its peak, and the edge lies nearer by what the blur has added.
         farthest = peak * step - inner
         half = (envelope - 0.5 * (most_begin + most)) * step / most - inner - farthest
         away = farthest + math.sqrt(max(half * half - BLURRED_PX2, 0.0))
-    sample[BORDER] = border
-    sample[AWAY] = away
-    sample[WEIGHT] = weight * weight
-    sample[INNER] = inner
-    sample[GAIN], sample[SHOWN], sample[FAR_X], sample[FAR_Y] = 1.0, 1.0, 0.0, 0.0
-    return USED
+    sample[probe.BORDER] = border
+    sample[probe.AWAY] = away
+    sample[probe.WEIGHT] = weight * weight
+    sample[probe.INNER] = inner
+    sample[probe.GAIN], sample[probe.SHOWN], sample[probe.FAR_X], sample[probe.FAR_Y] = 1.0, 1.0, 0.0, 0.0
+    return probe.USED
 
 
 @njit(cache=True, **INLINED)

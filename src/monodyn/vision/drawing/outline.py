@@ -11,16 +11,9 @@ from numba import njit
 from monodyn.errors import MechanismError
 from monodyn.mechanism import Mechanism
 from monodyn.types import Camera
+from monodyn.vision.drawing import silhouette
 from monodyn.vision.drawing.camera import rotation
 from monodyn.vision.drawing.rig import Rig, rig_of
-from monodyn.vision.drawing.silhouette import (
-    LINK_ANGLE,
-    LINK_X,
-    LINK_Y,
-    blank_outlines,
-    draw,
-    link_frames,
-)
 
 NEAR = 0.02
 """Least distance before the camera at which a body is drawn, as a share of the camera's distance."""
@@ -67,8 +60,8 @@ def _rig(mechanism: Mechanism, camera: Camera) -> Rig:
 def _corners(rig: Rig, position: np.ndarray) -> tuple[bool, np.ndarray, np.ndarray]:
     """Return whether a pose, (dof,), can be drawn, the corners of all outlines [px], (corner, 2), and where
     those of each geom start, int64 (geom + 1,)."""
-    outlines = blank_outlines(rig, len(rig.radius))
-    drawn = draw(rig, position, outlines)
+    outlines = silhouette.blank_outlines(rig, len(rig.radius))
+    drawn = silhouette.draw(rig, position, outlines)
     corners = np.empty((outlines.first[-1] if drawn else 0, 2))
     for i in range(len(corners)):
         corners[i] = outlines.px[outlines.hull[i]]
@@ -77,13 +70,13 @@ def _corners(rig: Rig, position: np.ndarray) -> tuple[bool, np.ndarray, np.ndarr
 
 def _placed(rig: Rig, position: np.ndarray) -> list[np.ndarray]:
     """Return points of the plane frame whose hull is each geom, grown by its radius, each (point, 3)."""
-    frames = link_frames(rig, position)
+    frames = silhouette.link_frames(rig, position)
     placed = []
     for g, link in enumerate(rig.link):
-        c, s = np.cos(frames[link, LINK_ANGLE]), np.sin(frames[link, LINK_ANGLE])
+        c, s = np.cos(frames[link, silhouette.LINK_ANGLE]), np.sin(frames[link, silhouette.LINK_ANGLE])
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         points = rig.points[rig.first[g] : rig.first[g + 1]] @ turn.T
-        points = points + np.array([frames[link, LINK_X], frames[link, LINK_Y], 0.0])
+        points = points + np.array([frames[link, silhouette.LINK_X], frames[link, silhouette.LINK_Y], 0.0])
         around = rig.radius[g] * BALL / np.linalg.norm(BALL, axis=1, keepdims=True)
         if rig.radius[g] > 0.0:
             points = (points[:, np.newaxis] + around).reshape(-1, 3)

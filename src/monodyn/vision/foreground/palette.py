@@ -13,19 +13,10 @@ import numpy as np
 
 from monodyn.cores import on_all_cores
 from monodyn.types import FULL
+from monodyn.vision.foreground import masks
 from monodyn.vision.foreground.background import SHOWN_NOISE, Background
 from monodyn.vision.foreground.changes import MOST_CONTRAST, full_size
 from monodyn.vision.foreground.covered import reduced_mask
-from monodyn.vision.foreground.masks import (
-    FRONT,
-    LEFT_OUT,
-    NOT_SHOWN,
-    VARIED,
-    GeomColours,
-    View,
-    no_order,
-    plain_view,
-)
 from monodyn.vision.foreground.moving_colours import MovingColours
 from monodyn.vision.foreground.shadow import Shadow
 
@@ -98,7 +89,7 @@ class Palette:
     other: np.ndarray | None = None
     taken: np.ndarray | None = None
 
-    def view(self, geoms: int) -> View:
+    def view(self, geoms: int) -> masks.View:
         """Return how the planes are to be read; before the colours are measured, one plane for all geoms.
 
         Args:
@@ -108,10 +99,10 @@ class Palette:
             Trust of the planes and the plane of each geom.
         """
         if self.part is None or self.shaded is None:
-            return plain_view(self.least_trust, geoms)
+            return masks.plain_view(self.least_trust, geoms)
         border = len(self.colours) if self.any_difference and not self.varied else -1
-        order = no_order(geoms) if self.order is None else self.order
-        return View(self.trust, self.part, self.shaded, order, border)
+        order = masks.no_order(geoms) if self.order is None else self.order
+        return masks.View(self.trust, self.part, self.shaded, order, border)
 
     @property
     def least_trust(self) -> np.ndarray:
@@ -136,7 +127,7 @@ def palette_of(found: MovingColours, background: Background) -> Palette:
     return replace(palette, varied=found.varied, contrast=found.contrast, shadow=found.shadow)
 
 
-def measured_palette(palette: Palette, background: Background, measured: GeomColours) -> Palette:
+def measured_palette(palette: Palette, background: Background, measured: masks.GeomColours) -> Palette:
     """Return the palette by colours that were measured on the located mechanism.
 
     Args:
@@ -148,15 +139,15 @@ def measured_palette(palette: Palette, background: Background, measured: GeomCol
     Returns:
         A palette with a plane for each geom.
     """
-    varied = bool(np.any(measured.part == VARIED))
+    varied = bool(np.any(measured.part == masks.VARIED))
     any_trust = VARIED_TRUST if varied else None
     if measured.camouflaged and not varied:
         # a border stands out by the least contrast or more
         any_trust = max(VARIED_TRUST, palette.contrast / (TRUSTED_NOISE * background.noise))
     found = _palette(measured.colours, background, palette.grey_only, any_trust, measured.light)
     # the plane of any difference comes after those of the colours
-    part = np.where(measured.part == VARIED, len(measured.colours), measured.part)
-    part = np.where(measured.part == NOT_SHOWN, LEFT_OUT, part)
+    part = np.where(measured.part == masks.VARIED, len(measured.colours), measured.part)
+    part = np.where(measured.part == masks.NOT_SHOWN, masks.LEFT_OUT, part)
     order = None if measured.order is None else np.array(measured.order)
     other = np.full(len(measured.colours), -1) if order is None else _shown(order, part, found, background)
     if np.any(other >= 0):
@@ -230,8 +221,8 @@ def _shown(order: np.ndarray, part: np.ndarray, palette: Palette, background: Ba
     behind = [background.luma[thin]]
     if not palette.grey_only and background.chroma is not None:
         behind += [_resized(plane, behind[0].shape[::-1]) for plane in background.chroma]
-    ordered = [(part[front], part[back]) for front, back in np.argwhere(order == FRONT)]
-    for front, back in np.argwhere(order == FRONT):
+    ordered = [(part[front], part[back]) for front, back in np.argwhere(order == masks.FRONT)]
+    for front, back in np.argwhere(order == masks.FRONT):
         pair = part[front], part[back]
         gains = [palette.scale[k][thin] / FULL for k in pair]
         dimmed = [0.0 if palette.dimmed is None else palette.dimmed[0][k][thin] for k in pair]

@@ -18,20 +18,10 @@ from monodyn.vision.drawing.outline import covered_pixels
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.drawing.shutter import SLOW_PX, Shutter, way
 from monodyn.vision.foreground.masks import Masks
+from monodyn.vision.locating import locate
 from monodyn.vision.locating.bundle import KeyMasks
 from monodyn.vision.locating.colours import geom_colours
 from monodyn.vision.locating.keyframes import key_frames
-from monodyn.vision.locating.locate import (
-    FEWEST,
-    FINE,
-    MARGIN_PX,
-    Sought,
-    camera_looks,
-    found_scene,
-    refined_names,
-    refined_whole,
-    whole_variables,
-)
 from monodyn.vision.locating.oblique import Looking, open_turns, with_camera
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import SceneGuess
@@ -54,7 +44,7 @@ class _Followed:
     ways: np.ndarray
 
 
-def find_again(sought: Sought, scene: Scene, tracked: Poses, *, looks: bool) -> Scene:
+def find_again(sought: locate.Sought, scene: Scene, tracked: Poses, *, looks: bool) -> Scene:
     """Find colours, background, camera and sizes once more, the motion in every picture being known.
 
     Args:
@@ -79,24 +69,26 @@ def find_again(sought: Sought, scene: Scene, tracked: Poses, *, looks: bool) -> 
         camera = from_origin(with_values(around_origin(camera), square))
     mechanism = scaled(scene.mechanism, unit)
     followed = _followed(scene, tracked, mechanism, camera)
-    if len(followed.rows) < FEWEST:
+    if len(followed.rows) < locate.FEWEST:
         return scene
     masks = _blurred_masks(scene.masks, mechanism, camera, followed)
     frames = key_frames(masks, len(mechanism.shapes.radius)).only(followed.rows.tolist())
     guess = SceneGuess(mechanism, camera, followed.positions, np.zeros(len(followed.rows)))
-    variables = whole_variables(sought, guess, sought.start, refined_names(sought))
+    variables = locate.whole_variables(sought, guess, sought.start, locate.refined_names(sought))
     variables = with_camera(variables, mechanism, turned)
-    bundle, kept = refined_whole(
-        frames, guess, variables, FINE, sought.settings.refine_frames, followed.shutter
+    bundle, kept = locate.refined_whole(
+        frames, guess, variables, locate.FINE, sought.settings.refine_frames, followed.shutter
     )
     planes = [frames.frames[i].planes for i in kept]
     whole = KeyMasks(planes, frames.view, shutter=followed.shutter.only(kept))
-    looking = camera_looks(sought, whole, bundle) if looks else Looking(bundle, bundle.variables, bundle)
+    looking = (
+        locate.camera_looks(sought, whole, bundle) if looks else Looking(bundle, bundle.variables, bundle)
+    )
     if turned:
         looking = replace(looking, twin=scene.twin)
     # blur is foreground beside the outline, and says nothing about what is there
     slow = _slow(followed.blurs[kept]).tolist()
-    found = found_scene(sought, masks, frames.only(kept), looking.bundle, looking, slow)
+    found = locate.found_scene(sought, masks, frames.only(kept), looking.bundle, looking, slow)
     return replace(found, shutter=scene.shutter)
 
 
@@ -121,7 +113,7 @@ def _followed(scene: Scene, tracked: Poses, mechanism: Mechanism, camera: Camera
 
 def _slow(blurs: np.ndarray) -> np.ndarray:
     """Return the rows of the frames that motion hardly blurs, or of the few that it blurs least."""
-    return np.flatnonzero(blurs <= max(SLOW_PX, float(np.sort(blurs)[min(FEWEST, len(blurs) - 1)])))
+    return np.flatnonzero(blurs <= max(SLOW_PX, float(np.sort(blurs)[min(locate.FEWEST, len(blurs) - 1)])))
 
 
 def _blurred_masks(masks: Masks, mechanism: Mechanism, camera: Camera, followed: _Followed) -> Masks:
@@ -133,10 +125,10 @@ def _blurred_masks(masks: Masks, mechanism: Mechanism, camera: Camera, followed:
     meanwhile = []
     for i, row in enumerate(followed.rows):
         # the margins of neighbouring times meet
-        steps = min(2 + int(followed.ways[i] / (2.0 * MARGIN_PX)), MOST_TIMES)
+        steps = min(2 + int(followed.ways[i] / (2.0 * locate.MARGIN_PX)), MOST_TIMES)
         times = np.linspace(-0.5, 0.5, steps) * shutter.span
         meanwhile.append(shutter.during(i, followed.positions[i], times))
-        marked = [covered_pixels(mechanism, camera, q, margin=MARGIN_PX) for q in meanwhile[i]]
+        marked = [covered_pixels(mechanism, camera, q, margin=locate.MARGIN_PX) for q in meanwhile[i]]
         covered[row] = np.any(marked, axis=0)
     masks = masks.refined(covered)
     slow = _slow(followed.blurs)

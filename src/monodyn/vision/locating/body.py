@@ -15,17 +15,9 @@ import numpy as np
 
 from monodyn.cores import on_all_cores
 from monodyn.types import FULL
+from monodyn.vision.drawing import silhouette
 from monodyn.vision.drawing.camera import CENTRE_X, CENTRE_Y, DEPTH, FOCAL, ROTATION, X, Y
 from monodyn.vision.drawing.rig import Rig, rig_of
-from monodyn.vision.drawing.silhouette import (
-    AROUND,
-    LINK_ANGLE,
-    LINK_X,
-    LINK_Y,
-    blank_outlines,
-    draw,
-    link_frames,
-)
 from monodyn.vision.locating.keyframes import KeyFrames
 from monodyn.vision.locating.search import SceneGuess, as_thick
 
@@ -103,8 +95,10 @@ class BodyView:
             shown = np.flatnonzero((frame.coarse > FULL // 2) & ~self.frames.unknown)
             if len(shown):
                 y, x = np.divmod(shown, frame.coarse.shape[1])
-                place = link_frames(self.rig, q)[self.link]
-                root = _homography(self.rig, np.diag([place[LINK_X], place[LINK_Y], 0.0])) @ np.ones(3)
+                place = silhouette.link_frames(self.rig, q)[self.link]
+                root = _homography(
+                    self.rig, np.diag([place[silhouette.LINK_X], place[silhouette.LINK_Y], 0.0])
+                ) @ np.ones(3)
                 away = np.hypot(x - root[0] / root[2], y - root[1] / root[2])
                 far = max(far, float(np.percentile(away, FARTHEST)))
         return max(1.0, far / CELLS) * self._pixel
@@ -127,10 +121,12 @@ class BodyView:
         place_of = np.array([[self.cell, 0.0, corner], [0.0, self.cell, corner], [0.0, 0.0, 1.0]])
 
         def seen(row: int) -> np.ndarray | None:
-            q, outlines = self.guess.positions[row], blank_outlines(rig, len(rig.radius))
-            if not draw(rig, q, outlines):
+            q, outlines = self.guess.positions[row], silhouette.blank_outlines(rig, len(rig.radius))
+            if not silhouette.draw(rig, q, outlines):
                 return None
-            x0, y0, angle = link_frames(rig, q)[self.link][[LINK_X, LINK_Y, LINK_ANGLE]]
+            x0, y0, angle = silhouette.link_frames(rig, q)[self.link][
+                [silhouette.LINK_X, silhouette.LINK_Y, silhouette.LINK_ANGLE]
+            ]
             c, s = np.cos(angle), np.sin(angle)
             plane = np.array([[c, -s, x0], [s, c, y0], [0.0, 0.0, height]])
             worth = cv2.LUT(self.frames.frames[row].coarse, WORTH)
@@ -162,7 +158,7 @@ class BodyView:
         mask = np.zeros((2 * CELLS + 1, 2 * CELLS + 1), np.uint8)
         for g in geoms:
             points = rig.points[rig.first[g] : rig.first[g + 1], :2]
-            ring = points[:, np.newaxis] + rig.radius[g] * AROUND.T
+            ring = points[:, np.newaxis] + rig.radius[g] * silhouette.AROUND.T
             corners = cv2.convexHull((ring.reshape(-1, 2) / self.cell + CELLS).astype(np.float32))
             cv2.fillPoly(mask, [np.round(corners * 16.0).astype(np.int32)], 1, cv2.LINE_8, 4)
         return mask > 0

@@ -14,18 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monodyn.vision.drawing import probe
 from monodyn.vision.drawing.edges import MATCHED_PX, MOST_SAMPLES
 from monodyn.vision.drawing.halfway import half_ways
 from monodyn.vision.drawing.normals import edge_samples
-from monodyn.vision.drawing.probe import (
-    AWAY,
-    END_COLUMNS,
-    FROM,
-    SAMPLE_COLUMNS,
-    SHARE,
-    TO,
-    WEIGHT,
-)
 from monodyn.vision.drawing.rig import Rig, rig_of
 from monodyn.vision.drawing.shutter import swept_points
 from monodyn.vision.drawing.silhouette import blank_outlines, draw
@@ -110,14 +102,14 @@ def _half_ways(
     outlines = blank_outlines(rig, len(rig.radius))
     if not draw(rig, pose, outlines):
         return np.zeros((0, 3), dtype=np.int64), np.zeros(0), np.zeros(0)
-    ends = np.empty((MOST_SAMPLES, END_COLUMNS), dtype=np.int64)
-    samples = np.empty((MOST_SAMPLES, SAMPLE_COLUMNS))
+    ends = np.empty((MOST_SAMPLES, probe.END_COLUMNS), dtype=np.int64)
+    samples = np.empty((MOST_SAMPLES, probe.SAMPLE_COLUMNS))
     swept = swept_points(rig, pose, outlines)
     count = edge_samples(planes, masks.view, outlines, swept, (REACH_PX, SPACING_PX), ends, samples)
     away = half_ways(planes, masks.view, samples[:count], REACH_PX)
     # what lies on an edge: elsewhere it is some other thing that is seen
-    use = np.flatnonzero(np.isfinite(away) & (np.abs(samples[:count, AWAY]) < MATCHED_PX))
-    between, samples = ends[use][:, [FROM, TO]], samples[use]
+    use = np.flatnonzero(np.isfinite(away) & (np.abs(samples[:count, probe.AWAY]) < MATCHED_PX))
+    between, samples = ends[use][:, [probe.FROM, probe.TO]], samples[use]
     length = np.hypot(*(outlines.px[between[:, 1]] - outlines.px[between[:, 0]]).T)
-    part = (samples[:, SHARE] * np.maximum(length // PLACE_PX, 1.0)).astype(np.int64)
-    return np.column_stack([between, part]), away[use], samples[:, WEIGHT]
+    part = (samples[:, probe.SHARE] * np.maximum(length // PLACE_PX, 1.0)).astype(np.int64)
+    return np.column_stack([between, part]), away[use], samples[:, probe.WEIGHT]

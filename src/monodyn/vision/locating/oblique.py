@@ -15,15 +15,7 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.types import Camera
-from monodyn.vision.drawing.camera import (
-    CAMERA_STD,
-    CAMERA_TURNS,
-    PARAMETERS,
-    around_origin,
-    from_origin,
-    value_of,
-    with_values,
-)
+from monodyn.vision.drawing import camera as pinhole
 from monodyn.vision.drawing.edges import MATCHED_PX
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.locating.bundle import NOISE_PX, SETTLE, Bundle, KeyMasks, refine
@@ -117,8 +109,10 @@ def std_about(held: Bundle, known: Bundle, away: Camera, *, scale_free: bool) ->
         Standard deviation by name; of what is held, about the value that it is held at.
     """
     std = camera_std(known, scale_free=scale_free)
-    for name in set(std) & set(CAMERA_STD) - set(held.variables.names):
-        std[name] = float(np.hypot(std[name], value_of(away, name) - value_of(held.camera, name)))
+    for name in set(std) & set(pinhole.CAMERA_STD) - set(held.variables.names):
+        std[name] = float(
+            np.hypot(std[name], pinhole.value_of(away, name) - pinhole.value_of(held.camera, name))
+        )
     return std
 
 
@@ -134,7 +128,7 @@ def open_turns(mechanism: Mechanism, held: Collection[str]) -> list[str]:
         a turn of that hinge.
     """
     hidden = {ROLL} if by_roll(mechanism).any() else set()
-    return [name for name in CAMERA_STD if name not in held and name not in hidden]
+    return [name for name in pinhole.CAMERA_STD if name not in held and name not in hidden]
 
 
 def looking(
@@ -186,11 +180,11 @@ def from_other_sides(
     """
     endings = [found]
     wide = search._replace(reaches=np.array(TRIED))
-    square = around_origin(bundle.camera)
+    square = pinhole.around_origin(bundle.camera)
     for name in ("camera.yaw", "camera.pitch") if found.variables.about_origin else ():
         for turn in (ASIDE, -ASIDE):
             if name in found.variables.names:
-                camera = from_origin(with_values(square, {name: turn}))
+                camera = pinhole.from_origin(pinhole.with_values(square, {name: turn}))
                 tried = _refined(masks, replace(bundle, camera=camera), found.variables, wide)
                 endings.append(_refined(masks, tried, found.variables, search, SETTLE))
     gains = [_gain(ending, bundle, bundle) for ending in endings]
@@ -198,7 +192,7 @@ def from_other_sides(
     near = [one for one, gain in zip(endings, gains, strict=True) if gain > max(gains) - OTHER_ENDING**2]
     unusual = [_unusual(ending, bundle) for ending in near]
     best = near[int(np.argmax(np.array(unusual) < min(unusual) + AS_USUAL))]
-    turns = [name for name in CAMERA_TURNS if name in found.variables.names]
+    turns = [name for name in pinhole.CAMERA_TURNS if name in found.variables.names]
     for other in endings:
         if _gain(best, other, bundle) < OTHER_ENDING**2 and turned_by(best, other, turns) > OTHER_ENDING:
             return best, other.camera
@@ -252,10 +246,10 @@ def _gain(found: Bundle, before: Bundle, held: Bundle) -> float:
 def _unusual(found: Bundle, held: Bundle) -> float:
     """Return how far a camera is from the usual one, in squared standard deviations."""
     off = 0.0
-    for name in set(CAMERA_STD) & set(found.variables.names):
-        value, usual = value_of(found.camera, name), value_of(held.camera, name)
-        away = value - usual if name in CAMERA_TURNS else np.log(value / usual)
-        off += float(away / CAMERA_STD[name]) ** 2
+    for name in set(pinhole.CAMERA_STD) & set(found.variables.names):
+        value, usual = pinhole.value_of(found.camera, name), pinhole.value_of(held.camera, name)
+        away = value - usual if name in pinhole.CAMERA_TURNS else np.log(value / usual)
+        off += float(away / pinhole.CAMERA_STD[name]) ** 2
     return off
 
 
@@ -286,13 +280,13 @@ def turned_by(found: Bundle, before: Bundle, names: Sequence[str]) -> float:
     variables = found.variables
     x = variables.read(found.mechanism, found.camera)
     information = found.information + np.diag(
-        np.where([name in PARAMETERS for name in variables.names], 0.0, springs(variables, x)[1])
+        np.where([name in pinhole.PARAMETERS for name in variables.names], 0.0, springs(variables, x)[1])
     )
-    at = [variables.names.index(name) for name in names if name in CAMERA_TURNS]
+    at = [variables.names.index(name) for name in names if name in pinhole.CAMERA_TURNS]
     if not at:
         return 0.0
-    off = np.array([value_of(found.camera, variables.names[i]) for i in at])
-    off -= [value_of(before.camera, variables.names[i]) for i in at]
+    off = np.array([pinhole.value_of(found.camera, variables.names[i]) for i in at])
+    off -= [pinhole.value_of(before.camera, variables.names[i]) for i in at]
     # the weak springs make the matrix regular along the common scale
     covariance = np.linalg.pinv(information, hermitian=True)[np.ix_(at, at)]
     return float(np.sqrt(off @ np.linalg.solve(covariance, off)))

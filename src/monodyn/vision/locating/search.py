@@ -22,16 +22,8 @@ from monodyn.vision.drawing.camera import X
 from monodyn.vision.drawing.follow import EdgeSearch, MoveLimits, follow
 from monodyn.vision.drawing.mismatch import pose_balance
 from monodyn.vision.drawing.rig import Rig, joint_limits, rig_of, root_slides
+from monodyn.vision.locating import grow
 from monodyn.vision.locating.beam import Beam, extended, slide_places
-from monodyn.vision.locating.grow import (
-    SceneStart,
-    Structure,
-    better_mean,
-    grown,
-    left_share,
-    unexplained,
-    whole,
-)
 from monodyn.vision.locating.keyframes import KeyFrame, KeyFrames
 from monodyn.vision.locating.roots import root_lines, root_points
 from monodyn.vision.locating.settle import settled
@@ -74,10 +66,10 @@ class SceneGuess:
     @property
     def score(self) -> float:
         """Mean mismatch of the better three quarters of the frames."""
-        return better_mean(self.mismatch)
+        return grow.better_mean(self.mismatch)
 
 
-def search_scene(frames: KeyFrames, start: SceneStart, count: int = 7) -> list[SceneGuess]:
+def search_scene(frames: KeyFrames, start: grow.SceneStart, count: int = 7) -> list[SceneGuess]:
     """Find camera, sizes and poses from the topology alone.
 
     Args:
@@ -105,14 +97,14 @@ def search_scene(frames: KeyFrames, start: SceneStart, count: int = 7) -> list[S
         )
     few = chosen.only(range(min(GROWN_FRAMES, len(chosen.frames))))
 
-    def improved(structure: Structure) -> SceneGuess:
-        better = settled(few, whole(structure, start), start)
+    def improved(structure: grow.Structure) -> SceneGuess:
+        better = settled(few, grow.whole(structure, start), start)
         held = {p.name: p.value for p in drawn(better.mechanism) if p.name in start.pinned}
         # what may not change was never made thicker
         mechanism = thinned(chosen, better.mechanism, better.camera).with_values(held)
         return search_poses(chosen, mechanism, better.camera)
 
-    guesses = on_all_cores(improved, grown(few, start, roots)[:FINALISTS])
+    guesses = on_all_cores(improved, grow.grown(few, start, roots)[:FINALISTS])
     return sorted(guesses, key=lambda guess: guess.score)
 
 
@@ -145,7 +137,7 @@ def search_pose(
     both = np.vstack([beam, np.array(polished)])
     costs = pose_balance(frame.balance, rig, both, len(rig.radius))
     best = int(np.argmin(costs))
-    return both[best], unexplained(frame, float(costs[best]))
+    return both[best], grow.unexplained(frame, float(costs[best]))
 
 
 def search_poses(
@@ -202,7 +194,7 @@ def left_shares(
     """
     rig = rig_of(as_thick(frames, mechanism, camera), camera, shrink=frames.shrink)
     pairs = zip(frames.afresh().frames, poses, strict=True)
-    return np.array(on_all_cores(lambda pair: left_share(pair[0], rig, pair[1]), pairs))
+    return np.array(on_all_cores(lambda pair: grow.left_share(pair[0], rig, pair[1]), pairs))
 
 
 def thinned(frames: KeyFrames, mechanism: Mechanism, camera: Camera) -> Mechanism:

@@ -12,14 +12,7 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.types import Camera
-from monodyn.vision.drawing.camera import (
-    CAMERA_STD,
-    PARAMETERS,
-    around_origin,
-    from_origin,
-    value_of,
-    with_values,
-)
+from monodyn.vision.drawing import camera as pinhole
 from monodyn.vision.drawing.rig import SIZE_KINDS
 
 OFFSET_STD = 0.02
@@ -82,7 +75,7 @@ class SceneVariables:
     def assumed(self) -> np.ndarray:
         """Information that what is assumed of the camera has on each variable, (param,)."""
         # infinity stands for nothing
-        return np.array([CAMERA_STD.get(name, np.inf) ** -2.0 for name in self.names])
+        return np.array([pinhole.CAMERA_STD.get(name, np.inf) ** -2.0 for name in self.names])
 
     def read(self, mechanism: Mechanism, camera: Camera) -> np.ndarray:
         """Read the vector off a mechanism and a camera.
@@ -95,8 +88,10 @@ class SceneVariables:
             The variables, (param,).
         """
         values, log = mechanism.values, self.log
-        camera = around_origin(camera) if self.about_origin else camera
-        x = np.array([value_of(camera, n) if n in PARAMETERS else values[n] for n in self.names])
+        camera = pinhole.around_origin(camera) if self.about_origin else camera
+        x = np.array(
+            [pinhole.value_of(camera, n) if n in pinhole.PARAMETERS else values[n] for n in self.names]
+        )
         x = x / np.array([values[size] if size else 1.0 for size in self.against])
         return np.where(log, np.log(np.where(log, np.maximum(x, 1e-12), 1.0)), x)
 
@@ -142,7 +137,7 @@ class SceneVariables:
             if size:
                 inside = size in self.names
                 values[:, i] *= of_all[:, self.names.index(size)] if inside else before[mechanism.row(size)]
-        own = [i for i, name in enumerate(self.names) if name not in PARAMETERS]
+        own = [i for i, name in enumerate(self.names) if name not in pinhole.PARAMETERS]
         rows, values = mechanism.rows([self.names[i] for i in own]), values[:, own]
         if SIDES not in self.kinds:
             return rows, values
@@ -162,10 +157,10 @@ class SceneVariables:
             The camera with the new values.
         """
         pairs = zip(self.names, self._values(x).tolist(), strict=True)
-        of_camera = {name: value for name, value in pairs if name in PARAMETERS}
+        of_camera = {name: value for name, value in pairs if name in pinhole.PARAMETERS}
         if not self.about_origin:
-            return with_values(camera, of_camera)
-        return from_origin(with_values(around_origin(camera), of_camera))
+            return pinhole.with_values(camera, of_camera)
+        return pinhole.from_origin(pinhole.with_values(pinhole.around_origin(camera), of_camera))
 
     def _values(self, x: np.ndarray) -> np.ndarray:
         """Return what the variables stand for, (..., param); places are ratios still."""
@@ -184,7 +179,7 @@ def scene_variables(mechanism: Mechanism, names: Sequence[str]) -> SceneVariable
         The variables.
     """
     known = {p.name: p for p in mechanism.parameters}
-    kinds = tuple(name if name in PARAMETERS else known[name].kind for name in names)
+    kinds = tuple(name if name in pinhole.PARAMETERS else known[name].kind for name in names)
     against = tuple(
         known[name].against if kind in PLACE_KINDS else "" for name, kind in zip(names, kinds, strict=True)
     )
@@ -233,7 +228,7 @@ def springs(variables: SceneVariables, x: np.ndarray) -> tuple[np.ndarray, np.nd
             anchor[i], stiffness[i] = start[name], 1.0
         elif kinds[i] == "offset":
             anchor[i], stiffness[i] = start[name], 1.0 / (abs(start[name]) + reach + 1e-12) ** 2
-        elif name in CAMERA_STD:
+        elif name in pinhole.CAMERA_STD:
             anchor[i] = np.log(variables.focal) if name in LOG_CAMERA else 0.0
-            stiffness[i] = 1.0 / CAMERA_STD[name] ** 2
+            stiffness[i] = 1.0 / pinhole.CAMERA_STD[name] ** 2
     return anchor, stiffness

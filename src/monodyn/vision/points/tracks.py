@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from monodyn.arrays import Frozen, frozen, increasing
+from monodyn.arrays import Frozen, freeze, increasing
 from monodyn.errors import VideoError
 from monodyn.markup import brief, counted, stretch
 from monodyn.vision.clip.video import Video
@@ -50,16 +50,10 @@ class PointTracks(Frozen):
 
     def __post_init__(self) -> None:
         frames, points = len(self.time), len(self.names)
-        arrays = {
-            "frame": frozen("PointTracks.frame", self.frame, (frames,), dtype=np.int64, error=VideoError),
-            "time": frozen("PointTracks.time", self.time, (frames,), error=VideoError),
-            "px": frozen("PointTracks.px", self.px, (frames, points, 2), error=VideoError),
-            "likelihood": frozen(
-                "PointTracks.likelihood", self.likelihood, (frames, points), error=VideoError
-            ),
-        }
-        for name, array in arrays.items():
-            object.__setattr__(self, name, array)
+        freeze(self, (frames,), "frame", dtype=np.int64, error=VideoError)
+        freeze(self, (frames,), "time", error=VideoError)
+        freeze(self, (frames, points, 2), "px", error=VideoError)
+        freeze(self, (frames, points), "likelihood", error=VideoError)
         increasing("PointTracks.time", self.time, error=VideoError)
 
     def __len__(self) -> int:

@@ -19,29 +19,10 @@ from monodyn.arrays import usual_step
 from monodyn.cores import on_all_cores
 from monodyn.types import FULL, Poses
 from monodyn.uncounted import UNCOUNTED
+from monodyn.vision.drawing import probe
 from monodyn.vision.drawing.blurred import covered_part, times_of
 from monodyn.vision.drawing.edges import MOST_SAMPLES
 from monodyn.vision.drawing.normals import edge_samples
-from monodyn.vision.drawing.probe import (
-    AT_X,
-    AT_Y,
-    BORDER,
-    END_COLUMNS,
-    FROM,
-    GEOM,
-    NORMAL_X,
-    NORMAL_Y,
-    SAMPLE_COLUMNS,
-    SHARE,
-    TO,
-    TRUSTED,
-    Normal,
-    bilinear,
-    depth_inside,
-    is_covered,
-    least_trust,
-    outline_lines,
-)
 from monodyn.vision.drawing.rig import Rig, rig_of
 from monodyn.vision.drawing.shutter import SWEPT_COLUMNS, Shutter, swept_points, way
 from monodyn.vision.drawing.silhouette import blank_outlines, draw
@@ -261,38 +242,42 @@ def _add_misfits(
         return
     px, hull, first = outlines.px, outlines.hull, outlines.first
     ends, samples = (
-        np.empty((MOST_SAMPLES, END_COLUMNS), dtype=np.int64),
-        np.empty((MOST_SAMPLES, SAMPLE_COLUMNS)),
+        np.empty((MOST_SAMPLES, probe.END_COLUMNS), dtype=np.int64),
+        np.empty((MOST_SAMPLES, probe.SAMPLE_COLUMNS)),
     )
     sharp = np.empty((0, SWEPT_COLUMNS))
     count = edge_samples(planes, view, outlines, sharp, (REACH_PX, SPACING_PX), ends, samples)
-    lines = outline_lines(px, hull, first)
+    lines = probe.outline_lines(px, hull, first)
     for s in range(count):
-        sample, own = samples[s], int(samples[s, GEOM])
-        if sample[BORDER] > 0.0:
+        sample, own = samples[s], int(samples[s, probe.GEOM])
+        if sample[probe.BORDER] > 0.0:
             continue
         plane, known = planes[view.part[own]], view.trust[view.part[own]]
-        at = Normal(sample[AT_X], sample[AT_Y], sample[NORMAL_X], sample[NORMAL_Y])
-        path = (1.0 - sample[SHARE]) * swept[ends[s, FROM]] + sample[SHARE] * swept[ends[s, TO]]
+        at = probe.Normal(
+            sample[probe.AT_X], sample[probe.AT_Y], sample[probe.NORMAL_X], sample[probe.NORMAL_Y]
+        )
+        path = (1.0 - sample[probe.SHARE]) * swept[ends[s, probe.FROM]] + sample[probe.SHARE] * swept[
+            ends[s, probe.TO]
+        ]
         low, high = path[0] * at.nx + path[1] * at.ny, path[2] * at.nx + path[3] * at.ny
         low, high = min(low, high, 0.0), max(low, high, 0.0)
         if high - low < LEAST_WAY_PX:
             continue
         outer = REACH_PX + high
-        inner = min(REACH_PX - low, 0.5 * depth_inside(lines, first[own], first[own + 1], at))
-        if _leaves(plane, at, inner, outer) or least_trust(known, at, inner, outer) < TRUSTED:
+        inner = min(REACH_PX - low, 0.5 * probe.depth_inside(lines, first[own], first[own + 1], at))
+        if _leaves(plane, at, inner, outer) or probe.least_trust(known, at, inner, outer) < probe.TRUSTED:
             continue
-        begun = Normal(at.x - path[0], at.y - path[1], at.nx, at.ny)
-        ended = Normal(at.x - path[2], at.y - path[3], at.nx, at.ny)
-        covered = is_covered(lines, first, view.order, own, begun, REACH_PX)
-        if covered or is_covered(lines, first, view.order, own, ended, REACH_PX):
+        begun = probe.Normal(at.x - path[0], at.y - path[1], at.nx, at.ny)
+        ended = probe.Normal(at.x - path[2], at.y - path[3], at.nx, at.ny)
+        covered = probe.is_covered(lines, first, view.order, own, begun, REACH_PX)
+        if covered or probe.is_covered(lines, first, view.order, own, ended, REACH_PX):
             continue
         steps = math.ceil(inner + outer)
         step = (inner + outer) / steps
         shown, share = np.empty(steps + 1), np.empty(steps + 1)
         for k in range(steps + 1):
             t = -inner + k * step
-            shown[k] = min(bilinear(plane, at.x + t * at.nx, at.y + t * at.ny), FULL) / FULL
+            shown[k] = min(probe.bilinear(plane, at.x + t * at.nx, at.y + t * at.ny), FULL) / FULL
         for j in range(shares.shape[0]):
             way = _part_of(path, shares[j])
             share[:] = 0.0
@@ -315,7 +300,7 @@ def _part_of(path: np.ndarray, share: float) -> tuple[float, float, float, float
 
 
 @njit(cache=True, **UNCOUNTED)
-def _leaves(plane: np.ndarray, at: Normal, inner: float, outer: float) -> bool:
+def _leaves(plane: np.ndarray, at: probe.Normal, inner: float, outer: float) -> bool:
     """Return whether a normal leaves the picture, (height, width)."""
     height, width = plane.shape
     for t in (-inner, outer):

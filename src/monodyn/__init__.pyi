@@ -1,0 +1,64 @@
+"""The public names and where they live, for type checkers; ``__init__.py`` loads them from here, too."""
+
+from monodyn.choices import Tolerance as Tolerance
+from monodyn.errors import FitError as FitError
+from monodyn.errors import MechanismError as MechanismError
+from monodyn.errors import MonodynError as MonodynError
+from monodyn.errors import SettingsError as SettingsError
+from monodyn.errors import VideoError as VideoError
+from monodyn.estimation.fit import Fit as Fit
+from monodyn.estimation.record.logs import read_torques as read_torques
+from monodyn.estimation.record.tables import read_poses as read_poses
+from monodyn.estimation.record.tables import write_poses as write_poses
+from monodyn.estimation.settings import IdentifySettings as IdentifySettings
+from monodyn.live.settings import LiveSettings as LiveSettings
+from monodyn.live.sources import open_source as open_source
+from monodyn.live.step import Step as Step
+from monodyn.live.stream import stream as stream
+from monodyn.mechanism import Mechanism as Mechanism
+from monodyn.mechanism import load as load
+from monodyn.mechanism import write_mjcf as write_mjcf
+from monodyn.mechanism import write_urdf as write_urdf
+from monodyn.pipeline import run as run
+from monodyn.reported import report as report
+from monodyn.results.closed import closed_loop as closed_loop
+from monodyn.results.draws import drawn as drawn
+from monodyn.results.experiment import next_motion as next_motion
+from monodyn.results.fill import States as States
+from monodyn.results.fill import fill as fill
+from monodyn.results.horizon import horizon as horizon
+from monodyn.results.linear import linearize as linearize
+from monodyn.results.opened import open_run as open_run
+from monodyn.results.opened import remembered as remembered
+from monodyn.results.predict import Prediction as Prediction
+from monodyn.results.predict import predict as predict
+from monodyn.results.regulator import Allowed as Allowed
+from monodyn.results.regulator import lqr as lqr
+from monodyn.results.restart import restart as restart
+from monodyn.results.smoother import smooth as smooth
+from monodyn.results.swing import swing_up as swing_up
+from monodyn.settings import RunSettings as RunSettings
+from monodyn.stages import identify as identify
+from monodyn.stages import locate as locate
+from monodyn.stages import segment as segment
+from monodyn.stages import track as track
+from monodyn.types import Camera as Camera
+from monodyn.types import Frame as Frame
+from monodyn.types import Mask as Mask
+from monodyn.types import Poses as Poses
+from monodyn.types import TorqueLog as TorqueLog
+from monodyn.vision.clip.video import Video as Video
+from monodyn.vision.clip.video import read as read
+from monodyn.vision.dots.find import find_dots as find_dots
+from monodyn.vision.foreground.given import read_masks as read_masks
+from monodyn.vision.locating.scene import Scene as Scene
+from monodyn.vision.points.read import read_points as read_points
+from monodyn.vision.points.scene import PointScene as PointScene
+from monodyn.vision.points.tracks import PointTracks as PointTracks
+from monodyn.vision.settings import CameraSettings as CameraSettings
+from monodyn.vision.settings import LocateSettings as LocateSettings
+from monodyn.vision.settings import SegmentSettings as SegmentSettings
+from monodyn.vision.settings import TrackSettings as TrackSettings
+
+__version__: str
+__all__: list[str]
