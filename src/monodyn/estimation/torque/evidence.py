@@ -136,13 +136,14 @@ def gains(before: Optimum, after: Optimum, added: int) -> bool:
     return gain > EVIDENCE * added * max(after.sigma, 1.0) ** 2
 
 
-def likeliest(tried: list[tuple[Problem, Optimum]]) -> int:
+def likeliest(tried: list[tuple[Problem, Optimum]], *, pieces: bool = False) -> int:
     """Choose by Schwarz's criterion, which charges the logarithm of the number of samples for every unknown.
 
     The noise is that of the optimum which follows best.
 
     Args:
         tried: Problems on the same data with their optima.
+        pieces: Fits to pieces of the records, the same of all, count as well.
 
     Returns:
         Place of the best of them.
@@ -155,7 +156,7 @@ def likeliest(tried: list[tuple[Problem, Optimum]]) -> int:
     # favour a fit that misses
     criteria = [
         2.0 * optimum.cost / noise**2 + len(problem.unknowns) * np.log(problem.data.samples)
-        if optimum.complete
+        if optimum.complete or pieces
         else np.inf
         for problem, optimum in tried
     ]

@@ -1,22 +1,24 @@
 """A periodic torque as a Fourier series (Case II), its period and number of harmonics found from the motion.
 
-Periods come ranked from the accelerations; each is fitted, and the series is made shorter or longer as the
-fit to the positions, which is more exact, requires.
+Accelerations say where to look for the period; each candidate is fitted to the positions of short pieces of
+the records, and the likeliest goes on to whole ones. The series is made shorter or longer as these require.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
+from monodyn.estimation.record.samples import cut, spread
 from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.estimation.shooting.accelerations import SmoothMotion, model_accelerations, torque_response
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
-from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
+from monodyn.estimation.shooting.shoot import ROUGH, Optimum, Route, fit_pieces
 from monodyn.estimation.shooting.starts import match
-from monodyn.estimation.torque.evidence import likeliest, pays, with_more_unknowns
+from monodyn.estimation.torque.evidence import gains, likeliest, pays, with_more_unknowns
 from monodyn.estimation.torque.friction import near_proportions
 from monodyn.estimation.torque.periods import PeriodGuess, PeriodSearch
 from monodyn.estimation.torque.task import Task, TorqueSolution, frictionless
@@ -24,6 +26,10 @@ from monodyn.mechanism import Mechanism
 
 LEAST_SHARE = 0.01
 """Share of weight and inertia at a joint from which a periodic torque stands out."""
+MOST_PIECES = 50
+"""Pieces by which periods are compared; with more of them the same period wins."""
+CANDIDATE = replace(ROUGH, evaluations=20)
+"""For one of the candidates: the true period takes some ten evaluations."""
 BEYOND_DOUBT = 10.0
 """A harmonic is not tried to be left out where that costs this many times what Schwarz's criterion allows."""
 NO_PERIOD = (
@@ -60,8 +66,15 @@ def fit_series(
     if not guesses:
         return TorqueSolution(least, None, reason=NO_PERIOD)
     route = task.search(periods.problem).route
-    tried = [_from_guess(mechanism, task, periods, guess, promising is not None) for guess in guesses]
-    problem, optimum = near_proportions(*tried[likeliest(tried)], task)
+    tried = [_in_pieces(mechanism, task, periods, guess) for guess in guesses]
+    best = likeliest(tried, pieces=True)
+    terms, period = series_of(*tried[best])
+    longer = periods.longer(period, terms) if clock.free else None
+    if longer is not None and not gains(_in_pieces(mechanism, task, periods, longer)[1], tried[best][1], 1):
+        return TorqueSolution(least, None, reason=NO_PERIOD)
+    problem = posed(series(mechanism, terms, period), task.data)
+    optimum = task.search(problem).from_start(tried[best][1].x, give_up=promising is not None)
+    problem, optimum = near_proportions(problem, optimum, task)
     # harmonics more or fewer make no torque much larger, and none repeat that does not
     if promising and not (
         optimum.complete and stands_out(problem, optimum.x, periods.motion) and promising(problem, optimum)
@@ -80,16 +93,21 @@ def fit_series(
     return TorqueSolution(problem, optimum, len(guesses), advice=doubt)
 
 
-def _from_guess(
-    mechanism: Mechanism, task: Task, periods: PeriodSearch, guess: PeriodGuess, give_up: bool
+def _in_pieces(
+    mechanism: Mechanism, task: Task, periods: PeriodSearch, guess: PeriodGuess
 ) -> tuple[Problem, Optimum]:
-    """Fit a series from one guess of the period."""
+    """Fit a series from one guess of the period to short pieces, the same of every guess.
+
+    A wrong period leaves many times the noise even there, where no motion is hard to follow.
+    """
     problem = posed(series(mechanism, guess.terms, guess.period), task.data)
     search = task.search(problem)
     # the guess is one linear step from the start, which may lead far off where the masses are far from the
     # true ones: the accelerations alone bring it back before anything is integrated
     start = match(problem, search.motion, periods.start(guess, problem))
-    return problem, search.from_start(start, give_up=give_up)
+    data, pieces = spread(task.data, cut(task.data, search.route.piece), MOST_PIECES)
+    few = problem.with_data(data)
+    return few, fit_pieces(few, few.started(start, pieces, task.smoothed), search.route, CANDIDATE)
 
 
 def series(mechanism: Mechanism, terms: int, period: float) -> Mechanism:
