@@ -46,8 +46,8 @@ FORBIDDEN = re.compile(
 """What no part of the program means to print."""
 REMAINS = ("out/unfinished", "out/.")
 """Where the files of a run that was stopped are, and what marks a folder that is written to."""
-LONG = 300
-"""Characters of a message, at most."""
+LONG = 2000
+"""Characters of a message from which on a list in it was not shortened."""
 
 
 @dataclass(frozen=True)

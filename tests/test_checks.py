@@ -23,6 +23,7 @@ from monodyn.checks import (
     free_range,
     left_out,
     prediction_times,
+    tracked_share,
     untracked,
 )
 from monodyn.errors import FitError, MechanismError, SettingsError, VideoError
@@ -280,6 +281,20 @@ def test_a_clip_that_is_tracked_in_parts_has_advice() -> None:
         "stands out, a lower --segment.contrast may help; where the background shows parts of it, "
         "--background with a picture without the mechanism."
     ]
+
+
+def test_frames_in_which_a_part_was_tracked_are_counted_apart() -> None:
+    """Everything that counts tracked frames counts them alike."""
+    joints = np.zeros((12, 2), dtype=bool)
+    joints[:3], joints[3:8, 0] = True, True
+    two = Poses(
+        ("joint1", "joint2"), np.arange(12), np.arange(12) / 30.0, np.zeros((12, 2)),
+        np.tile(np.eye(2), (12, 1, 1)), joints.all(axis=1), joint_seen=joints,
+    )  # fmt: skip
+    assert tracked_share(two, "12 frames") == "3 of 12 frames were tracked whole, and 5 in part"
+    assert untracked(two, 2)[0].startswith(
+        "Only 3 of 10 frames were tracked whole, and 5 in part; diagnosis.png "
+    )
 
 
 def test_what_is_left_out_of_the_picture_is_said() -> None:

@@ -11,7 +11,16 @@ import pytest
 
 from fits import made_fit
 from monodyn import choose as module
-from monodyn.choose import Tried, candidates, choose, compared, left_by_motion, left_by_picture, nearest
+from monodyn.choose import (
+    Tried,
+    ball_alone,
+    candidates,
+    choose,
+    compared,
+    left_by_motion,
+    left_by_picture,
+    nearest,
+)
 from monodyn.errors import FitError, MechanismError, SettingsError, VideoError
 from monodyn.estimation.fit import Doubt
 from monodyn.job import Job
@@ -19,6 +28,7 @@ from monodyn.mechanism import load
 from monodyn.results.log import RunLog
 from monodyn.settings import RunSettings
 from monodyn.stages import segment
+from monodyn.types import Poses
 from monodyn.vision.clip.video import read
 from support import ClipMaker, refuses
 
@@ -49,6 +59,14 @@ def test_frames_in_which_it_does_not_lie_on_its_mask_count_against_it() -> None:
     assert left(tried("double", 0.05, lies=6), tried("cartpole", 0.05)) == ["cartpole"]
 
 
+def test_what_lies_on_its_mask_nowhere_explains_nothing() -> None:
+    nowhere = tried("double", 0.0, lies=0)
+    assert left(nowhere, tried("ball", 0.35), tried("cartpole", 0.4, lies=2)) == ["ball"]
+    assert nowhere.unexplained == np.inf
+    # without any other it is the nearest
+    assert left(nowhere, tried("triple", 0.3, lies=0)) == ["double"]
+
+
 def test_what_was_not_located_is_not_left() -> None:
     assert left(Tried("single", load("single"), refusal="No."), tried("double", 0.2)) == ["double"]
 
@@ -73,11 +91,12 @@ def test_every_mechanism_has_its_figures_and_its_reason() -> None:
             best,
             tried("triple", 0.05, still=True),
             tried("cartpole", 0.06, fit=fit, off=0.3),
+            tried("ball", 0.0, lies=0),
             Tried("bob", load("bob"), refusal="Nothing moves."),
         ],
         best,
     )
-    assert [row.chosen for row in rows] == [True, False, False, False, False]
+    assert [row.chosen for row in rows] == [True, False, False, False, False, False]
     assert {row.model: row.said for row in rows} == {
         "double": "with --fix link1.tail=0, links that end at their hinges: off the foreground by 5.0% of "
         "its area, on it in 12 of 12 key frames, fit trusted, prediction off by at most 3% of the motion.",
@@ -87,9 +106,41 @@ def test_every_mechanism_has_its_figures_and_its_reason() -> None:
         "move; it has more parts and explains no more.",
         "single": "off the foreground by 50.0% of its area, on it in 6 of 12 key frames; 20 times as much "
         "unexplained as double leaves.",
+        "ball": "off the foreground by 0.0% of its area, on it in 0 of 12 key frames.",
         "bob": "not located: Nothing moves.",
     }
     assert (rows[0].key_frames, rows[0].mismatch, rows[-1].mismatch) == ((12, 12), 0.05, None)
+
+
+@pytest.mark.parametrize(
+    ("model", "lies", "seen", "named"),
+    [
+        ("bob", 9, 0.1, True),
+        ("single", 12, 0.0, True),
+        ("bob", 8, 0.1, False),
+        ("bob", 12, 0.3, False),
+        ("ball", 12, 0.0, False),
+        ("double", 12, 0.0, False),
+    ],
+)
+def test_where_only_a_round_thing_moves_the_ball_is_named(
+    monkeypatch: pytest.MonkeyPatch, model: str, lies: int, seen: float, named: bool
+) -> None:
+    monkeypatch.setattr(module, "_looked", lambda job, masks, one: tried(one.model, 0.1, lies=lies))
+    nothing: Any = None
+    mechanism = load(model)
+    position = np.zeros((100, len(mechanism.joints)))
+    position[np.arange(100) >= 100 * seen] = np.nan
+    names = tuple(joint.name for joint in mechanism.joints)
+    covariance = np.tile(np.eye(len(names)), (100, 1, 1))
+    poses = Poses(
+        names, np.arange(100), np.arange(100) / 30.0, position, covariance, ~np.isnan(position).any(axis=1)
+    )
+    text = (
+        f"Only a round thing seems to move: a ball alone, its thread unseen, lies on it in {lies} of 12 key "
+        f"frames, '{model}' was tracked in {round(100 * seen)} of 100; take the model 'ball'."
+    )
+    assert ball_alone(nothing, nothing, mechanism, poses) == ([text] if named else [])
 
 
 def test_where_no_mechanism_fits_the_nearest_is_named() -> None:
@@ -104,9 +155,11 @@ def test_where_no_mechanism_fits_the_nearest_is_named() -> None:
 
 
 def test_a_parameter_that_the_user_names_leaves_those_that_have_it() -> None:
-    assert {"single", "bob", "cartpole", "double", "triple", "chain:10"} <= set(candidates(RunSettings()))
+    assert {"single", "bob", "ball", "cartpole", "double", "triple", "chain:10"} <= set(
+        candidates(RunSettings())
+    )
     named = candidates(RunSettings(fix={"link2.length": 0.1}))
-    assert not {"single", "bob", "cartpole"} & set(named)
+    assert not {"single", "bob", "ball", "cartpole"} & set(named)
     assert named["triple"].values["link2.length"] == 0.1
     with pytest.raises(MechanismError, match="nothing"):
         candidates(RunSettings(fix={"nothing.length": 0.1}))
@@ -142,3 +195,32 @@ def test_a_clip_in_which_none_is_located_is_refused(
         "Nothing moves. Draw a mechanism file of what the clip shows, and name it with --model.",
     ):
         choose(job, segment(read(clip)), models)
+
+
+@pytest.mark.parametrize("located", [True, False])
+def test_each_mechanism_is_listed_once(monkeypatch: pytest.MonkeyPatch, located: bool) -> None:
+    """A quick look locates one, and a longer one in a part of the picture may not."""
+
+    def looked(job: object, masks: object, one: Tried, *, whole: bool = False) -> Tried:
+        if whole and not located:
+            return Tried(one.model, one.mechanism, one.fixed, refusal="Nothing moves.")
+        return tried(one.model, 0.2 if whole else 0.3, fixed=one.fixed)
+
+    monkeypatch.setattr(module, "_looked", looked)
+    monkeypatch.setattr(module, "_flush", lambda settings, one: None)
+    monkeypatch.setattr(module, "agreement", lambda scene: 0.0)
+    nothing: Any = SimpleNamespace(settings=RunSettings())
+    models = {"single": load("single")}
+    _, rows = choose(nothing, nothing, models)
+    assert [row.said for row in rows] == [
+        f"off the foreground by {20 if located else 30}.0% of its area, on it in 12 of 12 key frames."
+    ]
+
+
+def test_a_choice_that_was_not_located_is_named_with_it() -> None:
+    best = tried("single", 0.1)
+    ends = Tried("single", best.mechanism, {"link1.tip": 0.0}, refusal="Nothing moves.")
+    assert [row.said for row in compared([best, ends], best)] == [
+        "off the foreground by 10.0% of its area, on it in 12 of 12 key frames.",
+        "with --fix link1.tip=0, links that end at their hinges: not located: Nothing moves.",
+    ]

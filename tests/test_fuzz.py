@@ -33,7 +33,7 @@ def test_odd_names_are_names_of_files(tmp_path: Path) -> None:
         (None, "", "hang"),
         (70, "", "exit code"),
         (-11, "", "exit code"),
-        (2, f"monodyn: {'long ' * 80}", "long message"),
+        (2, f"monodyn: {'long ' * 500}", "long message"),
     ],
 )
 def test_sees_what_a_run_should_not_say(code: int | None, said: str, fault: str) -> None:

@@ -8,7 +8,8 @@ import pytest
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import load
 from monodyn.mechanism.simulate import simulate
-from monodyn.turns import Gap, doubtful_gaps, with_right_turns
+from monodyn.mechanism.turning import Gap, doubtful_gaps
+from monodyn.turns import with_right_turns
 from monodyn.types import Poses
 from support import slow
 

@@ -377,6 +377,18 @@ def unshown(poses: Poses) -> list[str]:
     ]
 
 
+def tracked_share(poses: Poses, frames: str) -> str:
+    """Return in how many frames the mechanism was tracked, and in how many a part of it alone.
+
+    Args:
+        poses: The poses.
+        frames: Of how many that is, in words.
+    """
+    whole = int(np.sum(poses.seen))
+    part = int(np.sum(poses.measured.any(axis=1))) - whole
+    return f"{whole} of {frames} were tracked" + (f" whole, and {part} in part" if part else "")
+
+
 def untracked(poses: Poses, repeats: int = 0) -> list[str]:
     """Return advice where a tenth of the frames or more was not measured; nothing otherwise.
 
@@ -384,11 +396,11 @@ def untracked(poses: Poses, repeats: int = 0) -> list[str]:
         poses: The tracked clip.
         repeats: Number of its pictures that repeat the one before, which are not expected to be measured.
     """
-    seen, count = int(np.sum(poses.seen)), len(poses) - repeats
-    if seen >= 0.9 * count:
+    count = len(poses) - repeats
+    if np.sum(poses.seen) >= 0.9 * count:
         return []
     return [
-        f"Only {seen} of {count} frames were tracked; diagnosis.png shows which, and why. Where the "
+        f"Only {tracked_share(poses, f'{count} frames')}; diagnosis.png shows which, and why. Where the "
         "mechanism hardly stands out, a lower --segment.contrast may help; where the background shows parts "
         "of it, --background with a picture without the mechanism."
     ]

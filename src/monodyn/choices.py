@@ -16,7 +16,7 @@ Method = Literal["fast", "paper"]
 """What the method of a stage can be called; ``stages`` has the functions."""
 METHOD_NAMES: tuple[str, ...] = get_args(Method)
 
-BUNDLED_FILES = ("single", "double", "triple", "bob", "cartpole")
+BUNDLED_FILES = ("single", "double", "triple", "bob", "ball", "cartpole")
 BUNDLED = (*BUNDLED_FILES, "chain:N")
 """Names that ``load`` takes; N is the number of links of a chain, 1 to 10."""
 

@@ -7,7 +7,7 @@ independent places of an outline and the k unknowns of a picture, with a charge 
 because bodies are no exact boxes. Links that end at their hinges are simpler than those that reach beyond,
 as no picture shows how far one link reaches under another. What the picture leaves open is followed and
 identified: then the grade of the fit decides, then how far its prediction is off, and between those that are
-alike the number of parts.
+alike the picture.
 """
 
 from __future__ import annotations
@@ -19,11 +19,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monodyn.checks import camera_choices, drawn_mechanism, free_range
-from monodyn.doubtful import doubtful_sight
+from monodyn.doubtful import LEAST_SEEN, doubtful_sight
 from monodyn.errors import FitError, MechanismError, MonodynError, SettingsError
 from monodyn.estimation.fit import GRADES, Doubt, Fit
 from monodyn.job import Job
+from monodyn.mechanism import load
 from monodyn.mechanism.bundled import LONGEST_CHAIN
+from monodyn.mechanism.dots import dots_of
 from monodyn.results.heldout import held_out, heldout_doubts
 from monodyn.results.log import Compared
 from monodyn.results.predict import predict
@@ -33,14 +35,14 @@ from monodyn.settings import RunSettings
 from monodyn.stages import identify, locate, track_freely
 from monodyn.types import Poses, under
 from monodyn.vision.foreground.masks import Masks
-from monodyn.vision.locating.advice import LEAST_INSIDE, LEAST_MATCHED
+from monodyn.vision.locating.advice import LEAST_FITTING, LEAST_INSIDE, LEAST_MATCHED
 from monodyn.vision.locating.region import EXPLAINED, agreement
 from monodyn.vision.locating.scene import Scene
 
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
 
-FIRST = (("single", "bob"), ("cartpole", "double"), ("triple",))
+FIRST = (("single", "bob", "ball"), ("cartpole", "double"), ("triple",))
 """The mechanisms that are tried, by their number of joints; chains of more links come after them."""
 CHARGE = 0.1
 """Share of what is unexplained that each further joint and each further geom must take off it. A joint is
@@ -96,13 +98,19 @@ class Tried:
 
     @property
     def unexplained(self) -> float:
-        """The mismatch over the share of the key frames in which it lies on its mask."""
-        return self.mismatch * self.frames / max(self.lies, 1)
+        """The mismatch over the share of the key frames in which it lies on its mask; infinite where it never
+        does: next to an outline in the wrong place there may be nothing that could differ from it."""
+        return self.mismatch * self.frames / self.lies if self.lies else np.inf
 
     @property
     def charged(self) -> float:
         """What is unexplained, with a charge for every part."""
         return self.unexplained / (1.0 - CHARGE) ** self.parts
+
+    @property
+    def order(self) -> tuple[float, float]:
+        """Less of it comes first: what is unexplained, and between those that lie nowhere the mismatch."""
+        return self.charged, self.mismatch
 
     @property
     def explains(self) -> bool:
@@ -185,8 +193,10 @@ def choose(job: Job, masks: Masks, models: dict[str, Mechanism]) -> tuple[Mechan
     if all(one.scene is None or agreement(one.scene) < EXPLAINED for one in near):
         # what a look at the key frames does not explain may be explained in a part of the picture
         near = [_looked(job, masks, one, whole=True) for one in near]
-    left = left_by_picture(near) or left
-    given_up += [one for one in near if one not in left]
+    looked = left_by_picture(near)
+    # where a longer look locates none of them the quick one counts, and each is listed once
+    given_up += [one for one in near if looked and one not in looked]
+    left = looked or left
     if len(left) > 1:
         left = [_followed(job, masks, _looked(job, masks, one, whole=True)) for one in left]
     best = left_by_motion(left)
@@ -223,7 +233,7 @@ def left_by_picture(tried: Sequence[Tried]) -> list[Tried]:
         Those that leave about as little unexplained as the best one, parts charged, without those of more
         parts than one that does better.
     """
-    located = sorted((one for one in tried if one.scene is not None), key=lambda one: one.charged)
+    located = sorted((one for one in tried if one.scene is not None), key=lambda one: one.order)
     return [
         one
         for k, one in enumerate(located)
@@ -234,10 +244,10 @@ def left_by_picture(tried: Sequence[Tried]) -> list[Tried]:
 
 def left_by_motion(left: Sequence[Tried]) -> Tried:
     """Return the one of the best grade and the smallest error of its prediction; of those alike in both the
-    one of the fewest parts.
+    one that the picture prefers: whatever hangs on one hinge moves alike.
 
     Args:
-        left: Mechanisms, the one that the picture prefers first; of more than one the fits.
+        left: Mechanisms; of more than one the fits.
     """
 
     def rank(one: Tried) -> int:
@@ -246,20 +256,20 @@ def left_by_motion(left: Sequence[Tried]) -> Tried:
     graded = [one for one in left if rank(one) == min(map(rank, left))]
     errors = [np.inf if one.off is None else max(one.off, EXACT) for one in graded]
     alike = [one for one, error in zip(graded, errors, strict=True) if error <= ALIKE * min(errors)]
-    # among as many parts the first is the one that the picture prefers
-    return min(alike, key=lambda one: one.parts)
+    return min(alike, key=lambda one: one.order)
 
 
 def _looked_at(job: Job, masks: Masks, models: dict[str, Mechanism]) -> Iterator[Tried]:
     """Locate one mechanism after the other, of more and more joints, as long as that explains more."""
     chains = [(_chain(links),) for links in range(4, LONGEST_CHAIN + 1)]
-    least = np.inf
+    least = np.inf, np.inf
     for group in (*FIRST, *chains):
         found = [_looked(job, masks, Tried(name, models[name])) for name in group if name in models]
         yield from found
-        now = min((one.charged for one in found), default=np.inf)
-        # a parameter that the user names may be one that only mechanisms of more joints have
-        if any(one.explains for one in found) or (found and now >= least):
+        now = min((one.order for one in found), default=least)
+        # a parameter that the user names may be one that only mechanisms of more joints have, and what was
+        # not located leaves nothing to compare with
+        if any(one.explains for one in found) or (found and now >= least and np.isfinite(least[1])):
             return
         least = min(least, now)
 
@@ -330,8 +340,7 @@ def compared(tried: Sequence[Tried], best: Tried) -> tuple[Compared, ...]:
         best: The chosen one.
     """
     others = [one for one in tried if one is not best]
-    # what was not located leaves no number, which has no place in an order
-    others.sort(key=lambda one: (one.scene is None, 0.0 if one.scene is None else one.charged))
+    others.sort(key=lambda one: one.order)
     return tuple(
         Compared(
             model=one.model,
@@ -349,10 +358,10 @@ def compared(tried: Sequence[Tried], best: Tried) -> tuple[Compared, ...]:
 
 def _said(one: Tried, best: Tried) -> str:
     """Return what spoke for and against one mechanism, a sentence."""
-    if one.scene is None:
-        return f"not located: {one.refusal}"
     ends = " ".join(f"{name}={value:g}" for name, value in one.fixed.items())
     said = f"with --fix {ends}, links that end at their hinges: " if ends else ""
+    if one.scene is None:
+        return f"{said}not located: {one.refusal}"
     said += f"off the foreground by {one.mismatch:.1%} of its area, "
     said += f"on it in {one.lies} of {one.frames} key frames"
     if one.still:
@@ -369,12 +378,31 @@ def _said(one: Tried, best: Tried) -> str:
         return f"{said}; the motion decided."
     if one.parts > best.parts and one.charged <= NEAR * best.charged:
         return f"{said}; it has more parts and explains no more."
-    return f"{said}; {_times(one, best)} as much unexplained as {best.model} leaves."
+    if not one.lies or not best.lies:
+        return f"{said}."
+    more = one.unexplained / max(best.unexplained, 1e-9)
+    return f"{said}; {more:.2g} times as much unexplained as {best.model} leaves."
 
 
-def _times(one: Tried, best: Tried) -> str:
-    """Return how much more one mechanism leaves unexplained, in words."""
-    return f"{one.unexplained / max(best.unexplained, 1e-9):.2g} times"
+def ball_alone(job: Job, masks: Masks, mechanism: Mechanism, poses: Poses) -> list[str]:
+    """Return a note where a ball alone lies on what moves, and what was to be followed on one hinge does not.
+
+    Args:
+        job: The run.
+        masks: The foreground of the clip, before anything was located.
+        mechanism: What was to be followed.
+        poses: Its poses.
+    """
+    seen, name = int(np.sum(poses.seen)), mechanism.name
+    if len(mechanism.joints) > 1 or dots_of(mechanism) or seen >= LEAST_SEEN * len(poses):
+        return []
+    ball = _looked(job, masks, Tried("ball", load("ball")))
+    if ball.lies <= LEAST_FITTING * ball.frames:
+        return []
+    return [
+        f"Only a round thing seems to move: a ball alone, its thread unseen, lies on it in {ball.lies} of "
+        f"{ball.frames} key frames, '{name}' was tracked in {seen} of {len(poses)}; take the model 'ball'."
+    ]
 
 
 def nearest(fit: Fit, comparison: Sequence[Compared]) -> list[str]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monodyn.checks import tracked_share
 from monodyn.estimation.wording import listed
 from monodyn.results.sight import Sight
 from monodyn.types import Poses
@@ -67,8 +68,8 @@ def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | 
     seen, count = int(np.sum(part.measured.any(axis=1))), int(np.sum(~np.isin(part.frame, repeats)))
     if seen < LEAST_SEEN * count:
         return (
-            f"Only {seen} of the {count} frames to fit were tracked: too few to trust that the mechanism was "
-            "followed and not something like it; diagnosis.png shows what was seen. --time-range A:B and "
+            f"Only {tracked_share(part, f'the {count} frames to fit')}: too few to trust that the mechanism "
+            "was followed and not something like it; diagnosis.png shows what was seen. --time-range A:B and "
             "--roi X,Y,W,H choose frames and a part of the picture in which it shows."
         )
     lost = unfound_links(part, seen)

@@ -42,13 +42,23 @@ def is_whole(text: str) -> bool:
     return text.isascii() and text.isdigit()
 
 
-def short(value: float) -> str:
+def known_or(value: float | None, unknown: float) -> float:
+    """Return a number of a JSON document, which has null for what is none.
+
+    Args:
+        value: The number, or None.
+        unknown: What None stands for.
+    """
+    return unknown if value is None else float(value)
+
+
+def short(value: float | None) -> str:
     """Return a standard deviation as text with two digits.
 
     Args:
-        value: The standard deviation.
+        value: The standard deviation; None is unknown.
     """
-    return f"{value:.2g}" if math.isfinite(value) else number(value)
+    return f"{value:.2g}" if value is not None and math.isfinite(value) else number(value)
 
 
 def interval(

@@ -23,11 +23,12 @@ from monodyn.checks import (
     free_range,
     left_out,
     prediction_times,
+    tracked_share,
     unshown,
     untracked,
 )
 from monodyn.choices import AUTO
-from monodyn.choose import candidates, choose, nearest
+from monodyn.choose import ball_alone, candidates, choose, nearest
 from monodyn.doubtful import doubtful_sight, likely_sight, unshown_parts
 from monodyn.errors import VideoError
 from monodyn.estimation.fit import Doubt, Fit, Grade
@@ -45,6 +46,7 @@ from monodyn.inputs import (
 from monodyn.job import Job, Outcome, Tracked, shown_if_refused
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
+from monodyn.redrawn import redrawn
 from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings, fit_document
 from monodyn.results.folder import RunFolder
@@ -157,6 +159,7 @@ def concluded(
         traces = predicted_trace(fit, poses, times, video.path.name)
         if fit.ok:
             fit = fit.doubted([doubt for trace in traces for doubt in heldout_doubts(fit, trace)])
+        fit = redrawn(fit, scene, poses)
     log.notes += [
         *after_refusal(fit, sight, compared=bool(log.comparison)),
         *nearest(fit, log.comparison),
@@ -244,7 +247,7 @@ def track_clip(
         mechanism = _chosen(job, video, models) if models else mechanism
         _, poses, _ = locate_and_track(job, video, mechanism)
         log.notes += [sight.unsettled] if sight.unsettled else []
-        share = f"{int(np.sum(poses.seen))} of {len(poses)} frames were tracked."
+        share = f"{tracked_share(poses, f'{len(poses)} frames')}."
         with log.stage("results"):
             job.show_sight(" ".join([share, *log.notes]), None if np.any(poses.seen) else "refused")
     check_tracked(poses, video, log.notes)
@@ -373,7 +376,8 @@ def locate_and_track(job: Job, video: Video, mechanism: Mechanism) -> Tracked:
     others = left_out(scene.masks.background, given=settings.segment.roi is not None)
     notes = _clip_notes(video, None if job.masks is None else scene.masks.video)
     notes = [*notes, *blurred(exposed, settings.camera), *span.notes, *untracked(moving, repeats)]
-    log.notes += [*scene.advice, *others, *notes]
+    instead = [] if log.comparison else ball_alone(job, masks, mechanism, moving)
+    log.notes += [*instead, *scene.advice, *others, *notes]
     log.free_frames, by = span[:2], video.shrink
     # in pixels of the file, as --roi takes it
     log.region = Window(*(by * side for side in scene.masks.background.window))

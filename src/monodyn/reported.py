@@ -14,6 +14,7 @@ from monodyn.errors import SettingsError
 from monodyn.estimation.fit import PAYS, Doubt, Fit
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.tree import BRAKES
+from monodyn.redrawn import redrawn
 from monodyn.results.filmed import filmed_of
 from monodyn.results.findings import Findings
 from monodyn.results.folder import RunFolder
@@ -90,6 +91,8 @@ def report(
             for k, (record, ahead) in enumerate(zip(records, _futures(fit, future, records), strict=True))
         ]
         fit = _judged(fit, whole, traces, settings, progress)
+        if scene is not None and records:
+            fit = redrawn(fit, scene, records[0])
         shown = [trace.poses for trace in traces] or whole
         findings = Findings(
             fit,

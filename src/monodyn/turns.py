@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monodyn.arrays import usual_step
 from monodyn.errors import VideoError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.mechanism.turning import TURN, Gap, doubtful_gaps
 from monodyn.results.fill import fill
 from monodyn.results.trace import metric
 from monodyn.stages import identify
@@ -26,18 +26,6 @@ from monodyn.types import Poses, Progress
 if TYPE_CHECKING:
     from monodyn.mechanism import Mechanism
 
-TURN = 2.0 * np.pi
-"""A whole turn [rad]."""
-NEAR_FRAMES = 5
-"""Measured frames on either side of a gap from which the rate there is taken."""
-LONGER = 1.5
-"""Times the usual time between two measurements from which there is a gap."""
-HARDEST = 95.0
-"""Percentile of the accelerations of a joint that bounds what it does out of sight."""
-HARDER = 2.0
-"""Times that another number of turns is farther from the expected rate before the nearest one is certain."""
-UNLIKELY = 3.0
-"""Standard deviations of a rate that noise rarely exceeds."""
 LEAST_ROWS = 12
 """Rows of the shortest stretch that is identified."""
 MOST_STRETCHES = 4
@@ -45,21 +33,6 @@ MOST_STRETCHES = 4
 CERTAIN = 1.0
 """A number of turns is certain where the motion ends this near to the measured angle, and is known as well
 [rad]."""
-
-
-@dataclass(frozen=True)
-class Gap:
-    """Rows of a record in which a joint was not measured.
-
-    Attributes:
-        dof: The joint.
-        before: Last row in which it was measured before.
-        after: First row in which it was measured again.
-    """
-
-    dof: int
-    before: int
-    after: int
 
 
 def with_right_turns(
@@ -83,10 +56,7 @@ def with_right_turns(
     """
     if settings.method == "paper":
         return poses, []  # the published method has its own rule
-    free = np.array(
-        [j.kind == "hinge" and not np.isfinite([j.lower, j.upper]).all() for j in mechanism.joints]
-    )
-    gaps = doubtful_gaps(poses, free)
+    gaps = doubtful_gaps(poses, np.array([joint.turns for joint in mechanism.joints]))
     if not gaps:
         return poses, []
     parts = _stretches(poses, gaps, fitted)
@@ -128,90 +98,6 @@ def _turns_across(
     if abs(off - TURN * turns) > CERTAIN or not motion.std[0, gap.dof] < CERTAIN:
         return None
     return parts[before[-1]][0], turns
-
-
-def doubtful_gaps(poses: Poses, joints: np.ndarray) -> list[Gap]:
-    """Find gaps across which the rates on both sides leave more than one number of turns.
-
-    A joint whose acceleration is at most ``a`` crosses a gap of length T at a mean rate within ``a T / 4`` of
-    the mean of the rates at its ends, or within ``a T / 2`` of that at one end; one turn more or less changes
-    it by ``2 pi / T``. The noise of the angles adds its own.
-
-    Args:
-        poses: The record.
-        joints: True for hinges that turn freely, (dof,).
-
-    Returns:
-        The gaps, in the order of time.
-    """
-    found = []
-    for dof in np.flatnonzero(joints):
-        rows = np.flatnonzero(poses.measured[:, dof])
-        time, angle = poses.time[rows], poses.position[rows, dof]
-        std = np.sqrt(poses.covariance[rows, dof, dof])
-        # repeated pictures, too, leave rows without a measurement: a gap is longer than usual
-        breaks = np.flatnonzero(np.diff(time) > LONGER * usual_step(time)) if len(rows) > 1 else []
-        together = np.cumsum(np.isin(np.arange(len(rows)), np.add(breaks, 1)))
-        hardest = _hardest(time, angle, together)
-        for i in breaks:
-            apart = time[i + 1] - time[i]
-            mean, slack = _mean_rate(_Record(time, angle, std, together, hardest), int(i))
-            off = abs((angle[i + 1] - angle[i]) / apart - mean)
-            other = TURN / apart - off
-            # a rare acceleration is no doubt where another number of turns takes a much harder one; written
-            # so that a rate that is not known, NaN, leaves a doubt
-            if not (other > slack and (off <= slack or other > HARDER * off)):
-                found.append(Gap(int(dof), int(rows[i]), int(rows[i + 1])))
-    return sorted(found, key=lambda gap: (gap.after, gap.dof))
-
-
-def _hardest(time: np.ndarray, angle: np.ndarray, together: np.ndarray) -> float:
-    """Return the acceleration of a joint that it rarely exceeds; samples of one number in ``together``
-    (sample,) have no gap between them."""
-    if len(time) < 3:
-        return np.inf
-    rate = np.diff(angle) / np.diff(time)
-    acceleration = np.diff(rate) / (0.5 * (time[2:] - time[:-2]))
-    known = np.abs(acceleration[together[2:] == together[:-2]])
-    return float(np.percentile(known, HARDEST)) if len(known) else np.inf
-
-
-class _Record(NamedTuple):
-    """The measurements of a joint: time [s], angle [rad], its standard deviation, and the number of the
-    stretch, each (sample,); and the acceleration that it rarely exceeds [rad/s^2]."""
-
-    time: np.ndarray
-    angle: np.ndarray
-    std: np.ndarray
-    together: np.ndarray
-    hardest: float
-
-
-def _mean_rate(record: _Record, before: int) -> tuple[float, float]:
-    """Return the mean rate across the gap after a sample by the rates at its ends, and how far off it may be
-    [rad/s]; NaN where neither end shows its rate."""
-    apart = record.time[before + 1] - record.time[before]
-    ends = [_rate(record, before, -1), _rate(record, before + 1, 1)]
-    known = [end for end in ends if np.isfinite(end[0])]
-    if not known:
-        return np.nan, np.nan
-    mean = float(np.mean([rate for rate, _ in known]))
-    spread = float(np.linalg.norm([std for _, std in known])) / len(known)
-    noise = float(np.hypot(record.std[before], record.std[before + 1])) / apart
-    slack = record.hardest * apart / (4.0 if len(known) == 2 else 2.0)
-    return mean, slack + UNLIKELY * float(np.hypot(spread, noise))
-
-
-def _rate(record: _Record, at: int, side: int) -> tuple[float, float]:
-    """Return the rate at one end of a gap by a parabola through the samples on its side, a line through
-    two, and its standard deviation; NaN if fewer."""
-    near = np.flatnonzero(record.together == record.together[at])
-    near = near[:NEAR_FRAMES] if side > 0 else near[-NEAR_FRAMES:]
-    if len(near) < 2:
-        return np.nan, np.nan
-    powers = np.vander(record.time[near] - record.time[at], min(len(near), 3))
-    solve = np.linalg.pinv(powers)[-2]
-    return float(solve @ record.angle[near]), float(np.linalg.norm(solve * record.std[near]))
 
 
 def _stretches(poses: Poses, gaps: Sequence[Gap], fitted: tuple[int, int]) -> list[tuple[int, int]]:

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from monodyn import cli
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.results.folder import DRAWN, FILES
 from monodyn.vision.locating.locate import STEPS
@@ -262,7 +263,7 @@ def test_a_fit_that_cannot_be_trusted_exits_1_and_writes_its_files(demo: Done, t
 def test_models_lists_the_bundled_ones() -> None:
     done = command("models", "--json")
     names = [row["name"] for row in json.loads(done.out)]
-    assert names == ["single", "double", "triple", "bob", "cartpole", "chain:N"]
+    assert names == ["single", "double", "triple", "bob", "ball", "cartpole", "chain:N"]
     assert "cartpole" in command("models").out
 
 
@@ -391,7 +392,7 @@ def test_no_motion(make_clip: ClipMaker, tmp_path: Path) -> None:
         (["run", CLIP, "--model", MODEL, "--out", "o", "--rate", "1e-300"],
          "rate: expected 0.001 to 1e+06 Hz, got 1e-300; give the true frames a second."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--background", "a" * 300],
-         f"'{'a' * 79}...{'a' * 35}': expected a place the system can use, got 'File name too long'; "
+         f"'{'a' * 80}...{'a' * 40}': expected a place the system can use, got 'File name too long'; "
          "give another."),
         (["run", CLIP, "--model", MODEL, "--out", "o", "--seed", "-1"],
          "seed: expected 0 or more, got -1; give a whole number."),
@@ -407,13 +408,27 @@ def test_bad_usage(
 
 @pytest.mark.parametrize(
     ("given", "shown"),
-    [("b" * 1000, f"'{'b' * 39}...{'b' * 16}'"), ("b c " * 300, "'" + "b c " * 40)],
+    [
+        ("b" * 500, "b" * 500),
+        ("b" * 5000, f"{'b' * 665}...{'b' * 330}"),
+        ("b c " * 300, "b c " * 300),
+    ],
 )
-def test_a_message_has_at_most_300_letters_whatever_was_given(given: str, shown: str) -> None:
+def test_no_message_is_cut_whatever_was_given(given: str, shown: str) -> None:
+    """Lists in it are: the rest of the names is counted."""
     message = refused("run", CLIP, "--model", MODEL, "--out", "o", "--free", given)
-    assert len(f"monodyn: {message}") <= 300
-    assert message.startswith(f"parameter {shown}")
-    assert message.endswith(" more.")
+    names = message.removeprefix(f"parameter '{shown}' ")
+    assert names.startswith("is not in the mechanism; parameters: 'link1.length', ")
+    assert names.endswith(" more.")
+    assert len(names) < 300
+
+
+def test_a_long_message_has_its_advice(capsys: pytest.CaptureFixture[str]) -> None:
+    message = (
+        "clip 'a.mp4': expected " + "one thing or another, " * 30 + "got none; give a folder with a picture."
+    )
+    cli._fail(message)
+    assert capsys.readouterr().err == f"monodyn: {message}\n"
 
 
 def test_a_name_does_not_command_the_terminal() -> None:

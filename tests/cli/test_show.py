@@ -76,7 +76,7 @@ def test_a_parameter_is_held_or_at_its_bound(capsys: pytest.CaptureFixture[str])
 def test_a_tracked_clip_is_shown_in_a_few_lines(capsys: pytest.CaptureFixture[str]) -> None:
     assert show(replace(outcome(), fit=None, traces=()), as_json=False, quiet=False) == 0
     assert capsys.readouterr().out == (
-        "29 of 30 frames tracked in 1.3 s.\n- Light it better.\nposes: run/poses.csv\n"
+        "29 of 30 frames were tracked (1.3 s).\n- Light it better.\nposes: run/poses.csv\n"
     )
 
 

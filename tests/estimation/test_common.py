@@ -9,7 +9,7 @@ import pytest
 
 from monodyn.estimation.parts import Common
 from monodyn.estimation.record.samples import prepare
-from monodyn.estimation.record.shared import moves_a_zero
+from monodyn.estimation.record.shared import growth, moves_a_zero, without_shared
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.common import (
@@ -140,6 +140,40 @@ def test_errors_are_taken_off_where_something_was_measured(poses, double) -> Non
     left = left_open(data, np.array([[0.5]]))
     assert left.shifts is not None
     np.testing.assert_allclose(left.shifts, 0.5 * shifts)
+
+
+def test_an_error_that_grows_with_the_position_is_a_factor_on_the_noise() -> None:
+    position = np.linspace(-0.2, 0.4, 30)[:, None] * [1.0, -3.0]
+    measured = np.ones(position.shape, dtype=bool)
+    # a factor about 0.1 on the first joint, an offset of the second
+    error = np.column_stack((0.5 * (position[:, 0] - 0.1), np.full(30, 0.07)))
+    np.testing.assert_allclose(growth(error, position, measured), [0.5, 0.0], atol=1e-12)
+    without, factor = without_shared(position, error, measured)
+    np.testing.assert_allclose(without[:, 0], 0.1 + np.exp(-0.5) * (position[:, 0] - 0.1), rtol=1e-12)
+    np.testing.assert_allclose(without[:, 1], position[:, 1] - 0.07, rtol=1e-12)
+    np.testing.assert_allclose(factor, [np.exp(-0.5), 1.0], rtol=1e-12)
+
+
+def test_no_error_makes_a_record_nothing(poses, double) -> None:
+    shifts = 0.5 * np.nan_to_num(poses.position)[np.newaxis]
+    data = prepare([replace(poses, shifts=shifts)], double)
+    small = less(data, np.array([3.0]))
+    # linear it would be -0.5 of the record; the noise is smaller by the same factor
+    np.testing.assert_allclose(np.ptp(small.position, axis=0), np.exp(-1.5) * np.ptp(data.position, axis=0))
+    np.testing.assert_allclose(small.white, data.white * np.exp(1.5))
+    assert small.shifts is not None
+    np.testing.assert_allclose(small.shifts, np.exp(-1.5) * data.shifts)
+
+
+def test_noise_does_not_pull_a_record_to_nothing(truth, double) -> None:
+    # what the model lacks is systematic, and would be less if the record were made smaller
+    position = motion(truth, TIMES, [0.3, 0.5], [0.0, 1.0])
+    poses = record(truth, TIMES, position + 0.02 * np.sin(9.0 * TIMES)[:, None])
+    poses = replace(poses, shifts=0.3 * poses.position[np.newaxis])
+    problem = posed(double, prepare([poses], double))
+    optimum, _ = Search(problem, (smooth(poses),), IdentifySettings(), None).from_starts()
+    weighted = problem.with_data(problem.data.scaled(np.full(2, optimum.sigma)))
+    assert abs(common_error(weighted, optimum.trial, np.zeros(1)).mean[0]) < 0.5
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ from monodyn.live import begin, recorder, sources
 from monodyn.live.identifier import Cut
 from monodyn.live.run import _tracked, follow
 from monodyn.live.settings import LiveSettings
+from monodyn.mechanism import load
 from monodyn.settings import RunSettings
 from monodyn.types import Poses
 from streamed import SMALL, frames
@@ -89,7 +90,7 @@ def test_what_was_touched_and_what_was_not_recorded_is_said(filmed, tmp_path, mo
     seconds, times = astray.split()[5], astray.split(": ")[1].split()[0]
     assert astray == (
         f"The motion of the last {seconds} s is not that of the mechanism as identified before: {times} "
-        "times as far off as the noise; something touches it, or it has changed."
+        "times as far off as the noise; something may touch it, or it has changed."
     )
     assert outcome.document["grade"] != "refused"
 
@@ -112,7 +113,8 @@ def test_why_a_fit_begins_later_is_said_as_it_was(why, said):
     )  # fmt: skip
     cut = Cut(12 / 30.0, why) if why else Cut(0.0)
     session: Any = SimpleNamespace(
-        found=SimpleNamespace(scene=SimpleNamespace(doubt=None)), source=SimpleNamespace(video=None),
+        found=SimpleNamespace(scene=SimpleNamespace(doubt=None, mechanism=load("single"))),
+        source=SimpleNamespace(video=None),
         identifier=SimpleNamespace(record=SimpleNamespace(whole=record), cut=cut), recorded=None,
     )  # fmt: skip
     video: Any = SimpleNamespace(count=40, times=record.time)

@@ -5,7 +5,7 @@ import pytest
 from monodyn.errors import MechanismError
 from monodyn.mechanism import BUNDLED, load
 
-NAMES = "'single', 'double', 'triple', 'bob', 'cartpole', 'chain:N'"
+NAMES = "'single', 'double', 'triple', 'bob', 'ball', 'cartpole', 'chain:N'"
 
 
 @pytest.mark.parametrize("name", [*(n for n in BUNDLED if n != "chain:N"), "chain:1", "chain:10"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +14,8 @@ from zoo import ZOO
 import monodyn
 from fits import identified
 from monodyn.checks import chosen_mechanism
-from monodyn.errors import SettingsError
-from monodyn.estimation.fit import Estimate
+from monodyn.errors import FitError, SettingsError
+from monodyn.estimation.fit import Doubt, Estimate
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import Measured
 from monodyn.mechanism.simulate import simulate
@@ -233,6 +234,61 @@ def test_the_mechanism_file_of_a_run_has_to_be_there(tmp_path):
         monodyn.remembered(folder)
 
 
+def test_a_run_folder_that_is_named_like_its_bundled_model_goes_on(tmp_path, monkeypatch):
+    """Whose mechanism is the bundled one, and not the folder again."""
+    monkeypatch.chdir(tmp_path)
+    monodyn.write_poses(pushed("single")[0], "poses.csv")
+    settings = {"identify": IdentifySettings(torque="friction")}
+    first = identified_from("single", "single", "poses.csv", **settings).fit
+    for k, given in enumerate(("./single", str(tmp_path / "single"), Path("single"))):
+        assert monodyn.remembered(given).values["link1.length"] == first.parameter("link1.length").value
+        identified_from(given, f"second{k}", "poses.csv", **settings)
+        # and on from there: not from the bundled mechanism, whose name the folder has
+        known = opened_module.origins(f"second{k}")
+        assert [path.resolve() for path in known[2:4]] == [
+            tmp_path / "single" / name for name in ("fit.json", "run.json")
+        ]
+
+
+def test_a_refused_run_opens_and_says_what_it_is(tmp_path):
+    """Whether a search ended somewhere, or there was nothing to begin with."""
+    doubt = Doubt("refused", "Too dark.")
+    searched = replace(identified(), rms={"joint1": math.inf}).doubted([doubt])
+    still = Poses(
+        ("joint1",), np.arange(3), TIME[:3], np.zeros((3, 1)), np.full((3, 1, 1), 1e-6), np.ones(3, bool)
+    )
+    nothing = monodyn.identify(still, monodyn.load("single"))
+    assert not nothing.starts
+    for name, fit in (("searched", searched), ("nothing", nothing)):
+        monodyn.report(fit, to=tmp_path / name)
+        back = monodyn.open_run(tmp_path / name)
+        assert (back.status, back.grade, back.ok) == (fit.status, "refused", False)
+        assert repr(back).startswith("<Fit of 'single': refused, ")
+        assert back.parameter("gravity").value == 9.81
+        assert np.isnan(back.rms["joint1"])
+        with refuses(FitError, fit.status):
+            back.check()
+    assert monodyn.predict(monodyn.open_run(tmp_path / "searched"), until=1.0).position.shape[1] == 1
+    back = monodyn.open_run(tmp_path / "nothing")
+    ask = {
+        "predict": lambda: monodyn.predict(back, until=2.0),
+        "restart": lambda: monodyn.restart(back, {"joint1": 0.5}),
+        "fill": lambda: monodyn.fill(back, TIME),
+    }
+    for where, asked in ask.items():
+        with refuses(
+            SettingsError,
+            f"{where}: expected an identified mechanism, got a fit without one: {nothing.status}",
+        ):
+            asked()
+    folder = tmp_path / "nothing"
+    with refuses(
+        SettingsError,
+        f"'{folder}': expected an identified mechanism, got a run without one: {nothing.status}",
+    ):
+        monodyn.remembered(folder)
+
+
 def test_a_run_that_leads_back_to_itself_is_refused(tmp_path):
     table, folder = tmp_path / "poses.csv", tmp_path / "run"
     monodyn.write_poses(pushed("single")[0], table)
@@ -290,10 +346,6 @@ def test_a_file_of_another_form_is_refused(tmp_path, monkeypatch):
             f"'{file}': expected a file of schema 2, got {got}; run it again with this version.",
         ):
             opened(schema=schema)
-    with refuses(
-        SettingsError, f"'{folder}': expected an identified mechanism, got a run without one: Too dark."
-    ):
-        opened(initial_state=[], status="Too dark.")
     for change, kind, what in (
         ({"parameters": [{"name": "gravity"}]}, "KeyError", "'value'"),
         ({"covariance": {"names": [], "matrix": []}}, "ValueError", "'record0.joint1' is not in list"),

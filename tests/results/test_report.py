@@ -12,6 +12,7 @@ import pytest
 
 import monodyn
 from fits import identified, made_fit, record
+from monodyn import reported
 from monodyn.errors import SettingsError
 from monodyn.estimation.record.tables import read_poses
 from monodyn.mechanism import load, write_mjcf
@@ -151,6 +152,7 @@ def test_a_motion_and_its_horizon_are_worked_out_once(
     scene, poses = filmed
     # whatever speaks against it: of a refused fit nothing is drawn
     fit = replace(monodyn.identify(poses, scene.mechanism), doubts=())
+    monkeypatch.setattr(reported, "redrawn", lambda fit, *_: fit)
     done = []
     for module, name in ((findings, "filled"), (gaps, "filled"), (findings, "horizon_of")):
         usual = getattr(module, name)

@@ -53,6 +53,19 @@ def test_proportions_come_from_the_masks() -> None:
     assert best.score < 0.45
 
 
+@pytest.mark.parametrize("width", [0.03, 0.05, 0.08])
+@pytest.mark.parametrize("model", ["ball", "bob"])
+def test_a_ball_hangs_at_the_reach_less_its_radius(model: str, width: float) -> None:
+    sizes = {"link1.width": 1e-4, "link1.sphere.width": width} if model == "bob" else {"link1.width": width}
+    true = load(model).with_values(sizes)
+    frames = drawn_frames(true, CAMERA, POSES[:, :1])
+    begun = SceneStart(load(model), Camera(160, 120, 150.0, depth=1.0), frozenset())
+    x, y = root_in(CAMERA)
+    best = grown(frames, begun, [Root(x, y, (0.2 + 0.5 * width) * PX)])[0]
+    # lengths of the grid are 20 % apart; the width of the foreground is known to a pixel of 33
+    assert best.mechanism.values["link1.length"] * 150.0 == pytest.approx(0.2 * PX, rel=0.03)
+
+
 def test_what_is_held_keeps_its_proportions() -> None:
     pinned = frozenset({"link1.length", "link2.length", "link2.width"})
     frames = drawn_frames(TRUE, CAMERA, POSES)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from monodyn.mechanism.turning import TURN
 from monodyn.vision.tracking.motion import PREDICTED_FRAMES, TURNS_KNOWN_FRAMES, Motion
 
 STEP = 0.1
@@ -72,3 +73,19 @@ def test_nothing_is_known_before_every_joint_was_measured():
     assert found.begun
     for ahead in found.predictions(0.2):
         assert ahead == pytest.approx([0.3, 7.0])
+
+
+def test_turns_are_those_of_the_smallest_step_or_of_the_last_rate_after_a_gap():
+    """A parabola, which is off by more than half a turn soon, has no say."""
+    found = Motion(np.array([np.pi]), STEP)
+    shown = np.array([-1.0])
+    # before the first measurement there is no motion
+    np.testing.assert_array_equal(found.turned(shown, 0.0), shown)
+    for time, angle in ((0.0, 0.0), (0.1, 2.0), (0.2, 2.6)):
+        found.add(time, np.array([angle]), np.ones(1, bool))
+    np.testing.assert_allclose(found.turned(np.array([2.4 - TURN]), 0.3), 2.4)
+    # 0.6 rad a frame over three frames: 4.4, of which -1 rad shows
+    np.testing.assert_allclose(found.turned(shown, 0.5), TURN - 1.0)
+    np.testing.assert_allclose(found.turned(shown, 0.3), TURN - 1.0)
+    # after long it may be anywhere
+    np.testing.assert_allclose(found.turned(np.array([2.4 - TURN]), 0.2 + 2 * TURNS_KNOWN_FRAMES * STEP), 2.4)

@@ -14,6 +14,7 @@ from monodyn.vision.foreground.masks import LEFT_OUT
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
 from monodyn.vision.locating.places import with_departed, with_names, without_names, without_unseen
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.thin import LEAST_WIDTH_PX
 from monodyn.vision.locating.variables import SceneVariables, scene_variables
 from pictures import drawn_mask, trusted
 
@@ -138,5 +139,8 @@ def test_a_thread_that_no_picture_shows_ends_at_its_ball(tmp_path: Path, count: 
     for body, ball in bodies:
         assert found.mechanism.parameter(f"{ball}.along").follows != shown
         assert values[f"{ball}.along"] == pytest.approx(before[f"{ball}.along"], rel=1e-9)
+        # a width of before would be that of a bar where the picture shows none
+        thread = LEAST_WIDTH_PX * found.camera.depth / found.camera.focal
+        assert values[f"{body}.width"] == (before[f"{body}.width"] if shown else pytest.approx(thread))
         share = values[f"{body}.length"] / values[f"{ball}.along"]
         assert share == pytest.approx(0.5 if shown else 1.0, rel=0.05)

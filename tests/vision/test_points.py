@@ -21,7 +21,7 @@ from monodyn.vision.points.found import (
     pair_notes,
 )
 from monodyn.vision.points.marks import marks_of
-from monodyn.vision.points.poses import Exchange, combined, likeliest, unwrapped
+from monodyn.vision.points.poses import Exchange, combined, likeliest
 from monodyn.vision.points.shown import Places, in_plane, pose_slopes, project, shown_by
 from monodyn.vision.points.tracks import without_pictures
 from monodyn.vision.settings import LocateSettings
@@ -250,16 +250,6 @@ def test_names_change_only_for_long_enough() -> None:
     costs = np.zeros((2, 30))
     costs[0, 5], costs[0, 12:20], costs[1, :12], costs[1, 20:] = 8.0, 8.0, 8.0, 8.0
     assert likeliest(costs, 9.0).tolist() == [0] * 12 + [1] * 8 + [0] * 10
-
-
-def test_hinges_go_on_without_jumps() -> None:
-    time = np.arange(60) / 30.0
-    angle = 9.0 * time
-    seen_rows = np.ones((60, 1), bool)
-    seen_rows[20:23] = False
-    wrapped = (angle[:, None] + np.pi) % (2 * np.pi) - np.pi
-    found = unwrapped(wrapped, time, np.zeros(1, int), seen_rows)
-    np.testing.assert_allclose(found[seen_rows[:, 0], 0], angle[seen_rows[:, 0]], atol=1e-9)
 
 
 def test_masks_and_points_do_not_mix(double) -> None:

@@ -69,8 +69,8 @@ def test_no_motion_goes_on_across_a_jump_of_the_time() -> None:
     found = span_of_poses(both, load("single"), None)
     assert (found.first, found.stop) == (0, 25)
     assert found.notes == (
-        "The mechanism moves freely in frames 0:25, 0.000 to 0.800 s; outside of these something touches or "
-        "holds it, or the time jumps (--time-range A:B [s] gives another range).",
+        "The motion of the mechanism is taken to be free in frames 0:25, 0.000 to 0.800 s: the time jumps "
+        "(--time-range A:B [s] gives another range).",
     )
     assert span_of_poses(poses, load("single"), None) == FreeSpan(0, 40, ())
 
@@ -134,11 +134,12 @@ def test_a_rest_at_the_lowest_place_is_no_hold(monkeypatch: pytest.MonkeyPatch) 
         assert span.hanging == (span.first if hanging else 0)
         begin, end = span.first / 30.0, (COUNT - 1) / 30.0
         said = (
-            f"The mechanism hangs at rest before frame {span.first}, where the fit begins unless "
-            "--fit-frames A:B says otherwise."
+            f"The mechanism hardly moves before frame {span.first}, near where it hangs; the fit begins "
+            "there unless --fit-frames A:B says otherwise."
             if hanging
-            else f"The mechanism moves freely in frames {span.first}:{COUNT}, {begin:.3f} to {end:.3f} s; "
-            "outside of these something touches or holds it (--time-range A:B [s] gives another range)."
+            else f"The motion of the mechanism is taken to be free in frames {span.first}:{COUNT}, "
+            f"{begin:.3f} to {end:.3f} s: it hardly moves before, and may be held (--time-range A:B [s] "
+            "gives another range)."
         )
         assert span.notes == (said,)
 
@@ -191,8 +192,9 @@ def test_what_lies_against_the_mechanism_touches_it(tmp_path: Path, until: int, 
     span = free_span(scene.masks, scene, poses)
     assert span[:2] == (until, back)
     said = (
-        f"The mechanism moves freely in frames {until}:{back}, {until / 30:.3f} to {(back - 1) / 30:.3f} s; "
-        "outside of these something touches or holds it (--time-range A:B [s] gives another range)."
+        f"The motion of the mechanism is taken to be free in frames {until}:{back}, {until / 30:.3f} to "
+        f"{(back - 1) / 30:.3f} s: more than usual stands out beside it in other frames, which may touch it "
+        "(--time-range A:B [s] gives another range)."
     )
     assert span.notes == (() if (until, back) == (0, COUNT) else (said,))
 

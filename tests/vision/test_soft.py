@@ -25,8 +25,11 @@ def test_a_still_clip_is_refused(make_clip: ClipMaker) -> None:
     video = read(make_clip("still.mp4", step=0))
     with refuses(
         VideoError,
-        "the clip: expected a mechanism that moves, got a still picture; nothing differs from the background "
-        "by more than 2.5 grey levels; give a clip that shows motion, or a lower --segment.contrast.",
+        "the clip: expected a mechanism that moves before a still background, got next to nothing that "
+        "differs from the background by more than 2.5 grey levels and 5 times its noise there. Either "
+        "nothing moves, or it hardly stands out, or it covers the same place most of the time, or the "
+        "camera moves before a background that does not show how: give a clip that shows motion, a lower "
+        "--segment.contrast, or --background with a picture without the mechanism.",
     ):
         segment(video)
 

@@ -152,7 +152,7 @@ def _unforeseen(error: Exception) -> int:
         print(traceback_text(error), file=sys.stderr)
         said = "please report it to its makers with the lines above."
     what = f"{type(error).__name__}: {' '.join(str(error).split())}"
-    _fail(f"an error of Monodyn itself ({what[:100]}); {said}")
+    _fail(f"an error of Monodyn itself ({what}); {said}")
     return UNFORESEEN
 
 
@@ -221,8 +221,8 @@ LISTING = "models"
 """The command that computes nothing, and loads no compiled function."""
 NAME = "monodyn: "
 """What a message begins with."""
-MOST_LETTERS = 300 - len(NAME)
-"""Letters of what follows, at most."""
+LONGEST_WORD = 1000
+"""Letters of a word that are written out: more than any name that can be meant has, or the path of a file."""
 
 
 def _fail(message: str) -> None:
@@ -230,9 +230,5 @@ def _fail(message: str) -> None:
 
     # what was given is repeated in it: it must not command the terminal
     message = "".join(c if c.isprintable() or c.isspace() else f"\\x{ord(c):02x}" for c in message)
-    # however long it is: the ends of a word are enough to find it
-    for longest in (120, 60, 30):
-        words = [short(word, longest) for word in message.split()]
-        if len(line := " ".join(words)) <= MOST_LETTERS:
-            break
-    print(f"{NAME}{short(line, MOST_LETTERS)}", file=sys.stderr)
+    # the message itself is never cut: what to do stands at its end
+    print(f"{NAME}{' '.join(short(word, LONGEST_WORD) for word in message.split())}", file=sys.stderr)

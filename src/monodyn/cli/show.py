@@ -248,18 +248,19 @@ def _print_comparison(out: Any, rows: list[dict[str, Any]]) -> None:
 
 
 def _print_tracking(outcome: Outcome) -> None:
+    from monodyn.checks import tracked_share
+
     out = console()
     _print_comparison(out, outcome.document["comparison"])
     poses = outcome.poses
-    out.print(
-        f"{int(poses.seen.sum())} of {len(poses)} frames tracked in {sum(outcome.seconds.values()):.1f} s."
-    )
+    out.print(f"{tracked_share(poses, f'{len(poses)} frames')} ({sum(outcome.seconds.values()):.1f} s).")
     for note in outcome.notes:
         out.print(f"- {note}", markup=False)
     out.print(f"poses: {outcome.folder}/poses.csv", markup=False)
 
 
 def _print_fit(outcome: Outcome) -> None:
+    from monodyn.numbers import known_or
     from monodyn.results.findings import REFUSED, listed_rows
 
     out = console()
@@ -282,7 +283,8 @@ def _print_fit(outcome: Outcome) -> None:
     out.print(f"{grade}{document['status']}", style=STYLES[document["grade"]], markup=False)
     if document["horizon"]:
         count = len(document["horizon"])
-        shortest = min(document["horizon"], key=lambda row: row["seconds"])
+        # null is beyond all that was looked at
+        shortest = min(document["horizon"], key=lambda row: known_or(row["seconds"], math.inf))
         which = f"Of {count} records the shortest: " if count > 1 else ""
         out.print(f"{which}{shortest['said']}", markup=False)
     for sentence in document["advice"]:
@@ -344,7 +346,7 @@ def _errors(outcome: Outcome) -> Table:
         # of several records the worst
         ahead = [rms[joint.name] for rms in document["heldout_rms"] if rms.get(joint.name) is not None]
         cells = [document["rms"].get(joint.name), max(ahead, default=None)]
-        texts = ["–" if cell is None or not math.isfinite(cell) else f"{cell * scale:.3g}" for cell in cells]
+        texts = ["–" if cell is None else f"{cell * scale:.3g}" for cell in cells]
         table.add_row(joint.name, *texts, unit)
     return table
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from monodyn.arrays import Frozen, usual_step
-from monodyn.errors import FitError
+from monodyn.errors import FitError, SettingsError
 from monodyn.estimation.masses import MassScale, mass_scale
 from monodyn.estimation.parts import Combination, Common, Start, TriedTorque, Unmodelled
 from monodyn.extras import extra
@@ -24,7 +24,7 @@ from monodyn.mechanism.steps import ERROR_BOUND, Steps, fine_stamps, spacing, st
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.tree import Directions
 from monodyn.names import known
-from monodyn.numbers import interval, number
+from monodyn.numbers import interval, number, short
 from monodyn.typed import checked
 from monodyn.types import TorqueLog
 
@@ -154,6 +154,24 @@ class Fit(Frozen):
             record: Which record.
         """
         return self.common[record] if self.common else None
+
+    def start_of(self, record: int, where: str) -> Start:
+        """Return the start state of a record.
+
+        Args:
+            record: Which record.
+            where: What asks for it, for the message.
+
+        Raises:
+            SettingsError: Nothing was identified, or there is no such record.
+        """
+        if not self.starts:
+            raise SettingsError(
+                f"{where}: expected an identified mechanism, got a fit without one: {self.status}"
+            )
+        if not 0 <= record < len(self.starts):
+            raise SettingsError(f"{where}: expected a record from 0 to {len(self.starts) - 1}, got {record}.")
+        return self.starts[record]
 
     @property
     def grade(self) -> Grade:
@@ -412,7 +430,7 @@ class Fit(Frozen):
                 )
                 rows.append([p.name, number(p.value, p.std), within, p.unit])
         shown = table(("parameter", "value", "95 % interval", "unit"), rows, words=("unit",))
-        ratios = [[c.name, number(c.value, c.std), f"{c.std:.2g}", c.unit] for c in self.combinations]
+        ratios = [[c.name, number(c.value, c.std), short(c.std), c.unit] for c in self.combinations]
         if ratios:
             shown += table(("combination", "value", "std", "unit"), ratios, words=("unit",))
         return card(repr(self), sentences([self.status]), shown, sentences(self.advice))

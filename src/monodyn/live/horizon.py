@@ -254,7 +254,7 @@ class Horizon:
             seconds = float(self._rows.time[-1] - self._rows.time[0])
             astray = (
                 f"The motion of the last {seconds:.1f} s is not that of the mechanism as identified before: "
-                f"{off:.1f} times as far off as the noise; something touches it, or it has changed."
+                f"{off:.1f} times as far off as the noise; something may touch it, or it has changed."
             )
         return Estimate(self._base, found, self._rows.time, covariance, future, self._added, astray)
 

@@ -20,6 +20,7 @@ from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import Pictures, open_source
 from monodyn.live.step import Step
 from monodyn.live.stream import Session
+from monodyn.mechanism.turning import unwound
 from monodyn.pipeline import concluded
 from monodyn.results.folder import RECORDING, RunFolder
 from monodyn.results.log import RunLog, recorded
@@ -165,6 +166,7 @@ def _tracked(
         record.joints, np.arange(count), times, position, covariance, np.asarray(joints.all(axis=1)),
         metric=False, joint_seen=joints, roll=record.roll,
     )  # fmt: skip
+    poses = unwound(poses, np.array([joint.turns for joint in found.scene.mechanism.joints]))
     if found.scene.doubt is not None:
         slides = np.array([joint.kind == "slide" for joint in found.scene.mechanism.joints])
         poses = found.scene.doubt.with_shifts(poses, slides)

@@ -25,7 +25,7 @@ def bundled(name: str) -> str | Path | None:
     """Return a bundled mechanism: the path of its file or the text of a chain; None if it is not bundled.
 
     Args:
-        name: ``single``, ``double``, ``triple``, ``bob``, ``cartpole`` or ``chain:N``.
+        name: ``single``, ``double``, ``triple``, ``bob``, ``ball``, ``cartpole`` or ``chain:N``.
 
     Raises:
         MechanismError: The number of links of a chain is not a whole number from 1 to 10.

@@ -34,6 +34,11 @@ class Joint:
     upper: float
     sign: int
 
+    @property
+    def turns(self) -> bool:
+        """True for a hinge that nothing keeps from whole turns."""
+        return self.kind == "hinge" and not (math.isfinite(self.lower) and math.isfinite(self.upper))
+
 
 @dataclass(frozen=True)
 class Parameter:

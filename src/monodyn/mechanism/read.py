@@ -37,7 +37,8 @@ def load(source: str | Path) -> Mechanism:
     s/rad or N s/m). Contacts, actuators and joint limits do not act in the dynamics.
 
     Args:
-        source: Path of the file, or ``single``, ``double``, ``triple``, ``bob``, ``cartpole``, ``chain:N``.
+        source: Path of the file, or ``single``, ``double``, ``triple``, ``bob``, ``ball``, ``cartpole`` or
+            ``chain:N``.
 
     Returns:
         The mechanism with the file's values as start.

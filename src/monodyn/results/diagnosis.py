@@ -114,7 +114,7 @@ def jpeg(page: Picture, quality: int = 85) -> bytes:
 def _heading(sight: Sight) -> Picture:
     """Write clip and verdict."""
     video = sight.video
-    lines = wrapped(sight.status, WIDTH - 2 * MARGIN - 30, BODY, 5)
+    lines = wrapped(sight.status, WIDTH - 2 * MARGIN - 30, BODY)
     page = blank(76 + 22 * len(lines))
     x = write(page, sight.name, (MARGIN, 42), HEADING, INK)
     about = (

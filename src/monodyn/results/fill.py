@@ -120,15 +120,12 @@ def fill(fit: Fit, times: np.ndarray, *, record: int = 0, error_bound: float = E
     """
     times = frozen("fill: times", times, (None,), error=SettingsError)
     times = increasing("fill: times", times, error=SettingsError)
-    if not fit.starts:
-        raise SettingsError(f"fill: expected an identified mechanism, got a fit without one: {fit.status}")
-    if not 0 <= record < len(fit.starts):
-        raise SettingsError(f"fill: expected a record from 0 to {len(fit.starts) - 1}, got {record}.")
+    start = fit.start_of(record, "fill")
     if not 0.0 < error_bound < np.inf:
         raise SettingsError(
             f"fill: expected an error bound above 0 and finite [rad or m], got {error_bound:g}; give another."
         )
-    start, stamps = fit.starts[record], fit.time[record]
+    stamps = fit.time[record]
     farthest = MOST_ROWS * spacing(stamps)
     if len(times) and max(start.time - times[0], times[-1] - start.time) > farthest:
         raise SettingsError(

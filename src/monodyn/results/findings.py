@@ -13,6 +13,7 @@ import numpy as np
 from monodyn.choices import Tolerance
 from monodyn.mechanism.dimensions import MASS_KINDS
 from monodyn.mechanism.torques import LAG
+from monodyn.results.export import jsonable
 from monodyn.results.filmed import Filmed
 from monodyn.results.gaps import filled
 from monodyn.results.horizon import Horizon, horizon_of, horizon_said
@@ -134,7 +135,8 @@ def _fewer(found: int, wanted: int) -> str:
 
 
 def fit_document(findings: Findings) -> dict[str, Any]:
-    """Return the content of ``fit.json``, which ``fit.schema.json`` describes; ``opened`` reads it back.
+    """Return the content of ``fit.json`` as JSON types, which ``fit.schema.json`` describes; ``opened`` reads
+    it back. Null stands for a number that is infinite or unknown, whether or not the file is written.
 
     Args:
         findings: The fit and its records.
@@ -143,38 +145,40 @@ def fit_document(findings: Findings) -> dict[str, Any]:
     joints = [joint.name for joint in fit.mechanism.joints]
     names, covariance = fit.spread
     measured = fit.mechanism.measured
-    return {
-        "schema": SCHEMA,
-        "status": str(fit.status),
-        "grade": fit.grade,
-        "ok": fit.ok,
-        "doubts": [asdict(doubt) for doubt in fit.doubts],
-        "advice": findings.advice,
-        "torque": fit.torque,
-        "drive": _drive_document(fit),
-        "acting": list(fit.acting),
-        "tried_torques": [tried._asdict() for tried in fit.tried_torques],
-        "unknowns": sum(estimate.free for estimate in fit.parameters),
-        "evaluations": fit.evaluations,
-        "parameters": [parameter_row(estimate, fit) for estimate in fit.parameters],
-        "alternatives": [dict(values) for values in fit.alternatives],
-        "combinations": [asdict(one) for one in fit.combinations],
-        "covariance": {"names": list(names), "matrix": covariance},
-        "initial_state": [start_row(joints, start) for start in fit.starts],
-        "fitted": [_fitted_row(stamps) for stamps in fit.time[: len(fit.starts)]],
-        "units": {joint.name: "rad" if joint.kind == "hinge" else "m" for joint in fit.mechanism.joints},
-        "rms": dict(fit.rms),
-        "heldout_rms": [trace.heldout() for trace in findings.traces],
-        "measured": None if measured is None else asdict(measured),
-        "unmodelled": None if fit.unmodelled is None else fit.unmodelled._asdict(),
-        "horizon": [_horizon_row(findings, found) for found in findings.horizons],
-        "scale": fit.scale,
-        "mass_scale": fit.mass_scale,
-        "stamp_error": fit.stamp_error,
-        "camera": None if filmed is None else _camera_document(filmed),
-        "fit_frames": findings.frames,
-        "comparison": [asdict(one) for one in findings.comparison],
-    }
+    return jsonable(
+        {
+            "schema": SCHEMA,
+            "status": str(fit.status),
+            "grade": fit.grade,
+            "ok": fit.ok,
+            "doubts": [asdict(doubt) for doubt in fit.doubts],
+            "advice": findings.advice,
+            "torque": fit.torque,
+            "drive": _drive_document(fit),
+            "acting": list(fit.acting),
+            "tried_torques": [tried._asdict() for tried in fit.tried_torques],
+            "unknowns": sum(estimate.free for estimate in fit.parameters),
+            "evaluations": fit.evaluations,
+            "parameters": [parameter_row(estimate, fit) for estimate in fit.parameters],
+            "alternatives": [dict(values) for values in fit.alternatives],
+            "combinations": [asdict(one) for one in fit.combinations],
+            "covariance": {"names": list(names), "matrix": covariance},
+            "initial_state": [start_row(joints, start) for start in fit.starts],
+            "fitted": [_fitted_row(stamps) for stamps in fit.time[: len(fit.starts)]],
+            "units": {joint.name: "rad" if joint.kind == "hinge" else "m" for joint in fit.mechanism.joints},
+            "rms": dict(fit.rms),
+            "heldout_rms": [trace.heldout() for trace in findings.traces],
+            "measured": None if measured is None else asdict(measured),
+            "unmodelled": None if fit.unmodelled is None else fit.unmodelled._asdict(),
+            "horizon": [_horizon_row(findings, found) for found in findings.horizons],
+            "scale": fit.scale,
+            "mass_scale": fit.mass_scale,
+            "stamp_error": fit.stamp_error,
+            "camera": None if filmed is None else _camera_document(filmed),
+            "fit_frames": findings.frames,
+            "comparison": [asdict(one) for one in findings.comparison],
+        }
+    )
 
 
 def _horizon_row(findings: Findings, found: Horizon) -> dict[str, Any]:

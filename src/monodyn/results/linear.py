@@ -102,10 +102,7 @@ def linearize(
     Example:
         ``monodyn.linearize(fit, {"joint1": np.pi / 2}, actuated=["slide"]).system.poles()``
     """
-    if not fit.starts:
-        raise SettingsError(
-            f"linearize: expected an identified mechanism, got a fit without one: {fit.status}"
-        )
+    fit.start_of(0, "linearize")
     mechanism = fit.mechanism
     position = by_joint(mechanism, "q", q)
     velocity = by_joint(mechanism, "v", () if v is None else v)

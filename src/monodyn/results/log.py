@@ -217,16 +217,19 @@ def fingerprint(part: str, value: object) -> dict[str, Any]:
         part: What part it has in the run, as ``clip``.
         value: A path, or a bundled name.
     """
-    path = Path(str(value))
-    if part == "model" and is_bundled(value):
-        return {"name": str(value)}
+    path, name = Path(str(value)), str(value)
+    if part == "model" and is_bundled(name):
+        if is_bundled(value):
+            return {"name": name}
+        # a path of that name: read as a text it has to be a path again
+        name = f"./{name}"
     if path.is_file():
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-        return {"name": str(value), "bytes": path.stat().st_size, "sha256": digest}
+        return {"name": name, "bytes": path.stat().st_size, "sha256": digest}
     if path.is_dir():
         # a folder of pictures may be large: names and sizes distinguish another one well enough
         listing = sorted(f"{file.name} {file.stat().st_size}" for file in path.iterdir() if file.is_file())
         digest = hashlib.sha256("\n".join(listing).encode()).hexdigest()
-        return {"name": str(value), "files": len(listing), "sha256_of_listing": digest}
-    return {"name": str(value)}
+        return {"name": name, "files": len(listing), "sha256_of_listing": digest}
+    return {"name": name}

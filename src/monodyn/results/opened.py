@@ -22,6 +22,7 @@ from monodyn.mechanism.parts import PLACE_KINDS
 from monodyn.mechanism.torques import LAG
 from monodyn.mechanism.upright import ROLL
 from monodyn.names import meant, near_files
+from monodyn.numbers import known_or
 from monodyn.results.findings import SCHEMA
 from monodyn.results.folder import recover
 from monodyn.results.intact import check_model, check_seal, differing, digest
@@ -41,7 +42,8 @@ def open_run(folder: str | Path) -> Fit:
     Motion, prediction and their bands are those of the fit that was written. Its parameters are those of the
     written model, whose bodies have masses and inertias in place of densities and thicknesses; residuals are
     not kept, so that ``report`` and ``smooth`` refuse it. Known torques are those of ``torques.csv``: after
-    record and prediction they are unknown.
+    record and prediction they are unknown. A refused fit opens, too: ``status`` has the reason, and
+    ``check()`` raises it.
 
     Args:
         folder: The run folder.
@@ -50,8 +52,7 @@ def open_run(folder: str | Path) -> Fit:
         The fit.
 
     Raises:
-        SettingsError: There is no such run, nothing was identified in it, or its files were changed after
-            they were written.
+        SettingsError: There is no such run, or its files were changed after they were written.
         MechanismError: ``model.xml`` is no mechanism.
 
     Example:
@@ -124,12 +125,16 @@ def remembered(folder: str | Path, *, through: frozenset[Path] = frozenset()) ->
     """
     folder = Path(folder)
     document = _document(folder)
+    if not document["initial_state"]:
+        raise SettingsError(
+            f"'{folder}': expected an identified mechanism, got a run without one: {document['status']}"
+        )
     log, through = _json(folder / "run.json"), through | {folder.resolve()}
     try:
         model, settings = log["inputs"]["model"], log["settings"]
         source = _same(model, folder)
         # a run that went on with the mechanism of another one leads back to that one's file
-        if Path(source).resolve() in through:
+        if is_run(source) and Path(source).resolve() in through:
             raise SettingsError(
                 f"model '{folder}': expected a run that leads back to a mechanism file, got one that leads "
                 f"to '{source}' again; give the file itself with --model."
@@ -286,7 +291,7 @@ def is_other_clip(folder: str | Path, clip: str | Path) -> bool:
 
 
 def _document(folder: Path) -> dict[str, Any]:
-    """Return the content of ``fit.json`` of a run that has identified something."""
+    """Return the content of ``fit.json`` of a run."""
     recover(folder)
     document = _json(folder / "fit.json")
     if document.get("schema") != SCHEMA:
@@ -295,10 +300,6 @@ def _document(folder: Path) -> dict[str, Any]:
             f"{document.get('schema') or 'none'}; run it again with this version."
         )
     check_seal(folder / "fit.json", document)
-    if not document["initial_state"]:
-        raise SettingsError(
-            f"'{folder}': expected an identified mechanism, got a run without one: {document['status']}"
-        )
     return document
 
 
@@ -365,14 +366,12 @@ def _fit(document: Mapping[str, Any], model: Path) -> Fit:
         advice=tuple(document["advice"]),
         mechanism=mechanism,
         parameters=tuple(estimates),
-        combinations=tuple(
-            Combination(**{**one, "std": _number(one["std"], math.inf)}) for one in document["combinations"]
-        ),
+        combinations=tuple(_combination(one) for one in document["combinations"]),
         starts=tuple(starts),
         tied=(),
         covariance=covariance,
         residual=(),
-        rms={joint: float(document["rms"][joint]) for joint in joints},
+        rms={joint: known_or(document["rms"][joint], math.nan) for joint in joints},
         scale=float(document["scale"]),
         torque=document["torque"],
         # first, last and number are all that counts: stamps in between are about even
@@ -418,15 +417,17 @@ def _mechanism(
     return mechanism.with_values(here), varying
 
 
+def _combination(row: Mapping[str, Any]) -> Combination:
+    """Return a combination with the interval that was written."""
+    value, std = known_or(row["value"], math.nan), known_or(row["std"], math.inf)
+    lower, upper = known_or(row["lower"], -math.inf), known_or(row["upper"], math.inf)
+    return Combination(row["name"], value, std, lower, upper, row["unit"])
+
+
 def _estimate(name: str, value: float, unit: str, row: Mapping[str, Any] | None, *, free: bool) -> Estimate:
     """Return a parameter of the written model with the interval that was written."""
     if row is None:
         return Estimate(name, value, 0.0, value, value, unit, free, True, False)
-    std = _number(row["std"], math.inf)
-    lower, upper = _number(row["lower"], -math.inf), _number(row["upper"], math.inf)
+    std = known_or(row["std"], math.inf)
+    lower, upper = known_or(row["lower"], -math.inf), known_or(row["upper"], math.inf)
     return Estimate(name, value, std, lower, upper, unit, free, row["identifiable"], row["at_bound"])
-
-
-def _number(value: float | None, unknown: float) -> float:
-    """Return a number of a JSON file, which has null for what is none."""
-    return unknown if value is None else float(value)

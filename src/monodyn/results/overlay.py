@@ -61,8 +61,10 @@ JPEG = 82
 """Quality of a picture for the report, of 100."""
 TINTED = 0.6
 """Share of the tint where the foreground covers a whole pixel."""
-LINES = 2
-"""Lines of a caption, at most."""
+LETTER, LINE = 9.5, 22.0
+"""Width of a letter and height of a line of a caption, in a picture of 480 lines [px]."""
+SMALLER = 0.9
+"""Size of the letters over that of the last try, where not all lines have their place."""
 QUALITY = {"preset": "ultrafast", "qp": "24"}
 """How the film is encoded: one step for all pictures takes a third less time than a rate that the encoder
 works out for each picture (``crf``), and this one a quarter to a third less, and half of the room, of one of
@@ -387,12 +389,14 @@ def _write_captions(luma: np.ndarray, drawing: Drawing, scale: float) -> None:
     """Write caption and reason into the lower left corner, the caption last."""
     import textwrap
 
-    # about the width of a letter of this size
-    columns = max(20, int((luma.shape[1] / scale - 24.0) / 9.5))
-    reason = textwrap.shorten(drawing.reason, columns * LINES, placeholder=" ...") if drawing.reason else ""
-    lines = [drawing.caption, *reversed(textwrap.wrap(reason, columns))]
+    lines = []
+    # all of it is read: what to do stands at the end
+    while not lines or LINE * scale * (len(lines) + 1) > len(luma):
+        scale *= SMALLER if lines else 1.0
+        columns = max(20, int((luma.shape[1] / scale - 24.0) / LETTER))
+        lines = [drawing.caption, *reversed(textwrap.wrap(drawing.reason, columns))]
     for i, line in enumerate(lines):
-        _write_caption(luma, line, scale, round(22 * scale * i))
+        _write_caption(luma, line, scale, round(LINE * scale * i))
 
 
 def _write_caption(luma: np.ndarray, text: str, scale: float, above: int) -> None:

@@ -238,7 +238,7 @@ def _errors(joints: Sequence[Joint], values: Mapping[str, float | None]) -> str:
     parts = []
     for joint in joints:
         value, (scale, unit) = values[joint.name], shown_in(joint)
-        if value is None:
+        if value is None or not math.isfinite(value):
             parts.append("–")
         else:
             # both joints of a double pendulum in one line

@@ -40,8 +40,7 @@ def predict(
         ``future = predict(fit, until=10.0)`` goes on to 10 s on the clock of the record.
     """
     if times is None:
-        if not 0 <= record < len(fit.time):
-            raise SettingsError(f"predict: expected a record from 0 to {len(fit.time) - 1}, got {record}.")
+        fit.start_of(record, "predict")
         stamps = fit.time[record]
         end = float(stamps[-1])
         stop = end + (end - float(stamps[0])) if until is None else float(until)

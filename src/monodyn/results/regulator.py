@@ -190,8 +190,7 @@ def lqr(
     Example:
         ``monodyn.lqr(fit, {"joint1": np.pi / 2}, actuated=["slide"]).gain``
     """
-    if not fit.starts:
-        raise SettingsError(f"lqr: expected an identified mechanism, got a fit without one: {fit.status}")
+    fit.start_of(0, "lqr")
     mechanism, allowed = fit.mechanism, allowed or Allowed()
     weights = allowed._asdict()
     check_types("lqr", weights, Allowed)

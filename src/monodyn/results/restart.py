@@ -60,16 +60,13 @@ def restart(
         >>> let_go = monodyn.restart(fit, {"joint1": 0.5, "joint2": 0.0})  # doctest: +SKIP
         >>> monodyn.predict(let_go, until=5.0)  # doctest: +SKIP
     """
-    if not fit.starts:
-        raise SettingsError(f"restart: expected an identified mechanism, got a fit without one: {fit.status}")
-    if not 0 <= record < len(fit.starts):
-        raise SettingsError(f"restart: expected a record from 0 to {len(fit.starts) - 1}, got {record}.")
+    begins = fit.start_of(record, "restart").time
     stamps = fit.time[record]
     usual = 0.0 if positions is not None else float(stamps[-1])
     time, step = usual if at is None else float(at), usual_step(stamps) or 1.0
-    if not abs(time - fit.starts[record].time) < MOST_STEPS * step:
+    if not abs(time - begins) < MOST_STEPS * step:
         raise SettingsError(
-            f"restart: expected a time stamp near the record, which begins at {fit.starts[record].time:g} s, "
+            f"restart: expected a time stamp near the record, which begins at {begins:g} s, "
             f"got {time:g}; give one of the clip's clock."
         )
     if positions is None:

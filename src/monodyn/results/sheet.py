@@ -186,14 +186,13 @@ def length(text: str, size: float = BODY) -> int:
     return cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 2 if size >= TITLE else 1)[0][0]
 
 
-def wrapped(text: str, width: int, size: float = BODY, most: int = 4) -> list[str]:
-    """Break a text into lines; what does not fit ends in three dots.
+def wrapped(text: str, width: int, size: float = BODY) -> list[str]:
+    """Break a text into lines, as many as it takes.
 
     Args:
         text: Words between spaces.
         width: Width of a line [px].
         size: Size of the text.
-        most: Lines at most.
 
     Returns:
         The lines, at least one.
@@ -205,7 +204,7 @@ def wrapped(text: str, width: int, size: float = BODY, most: int = 4) -> list[st
             lines.append(word)
         else:
             lines[-1] = longer
-    return lines if len(lines) <= most else [*lines[: most - 1], f"{lines[most - 1]} ..."]
+    return lines
 
 
 def hatch(picture: Picture, marks: np.ndarray, colour: Colour, *, rising: bool = True) -> None:

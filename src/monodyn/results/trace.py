@@ -11,7 +11,7 @@ import numpy as np
 
 from monodyn.arrays import usual_step
 from monodyn.errors import VideoError
-from monodyn.estimation.record.shared import moves_a_zero
+from monodyn.estimation.record.shared import moves_a_zero, without_shared
 from monodyn.mechanism.upright import ROLL, ROLL_STD, by_roll, in_metres
 from monodyn.types import Poses
 
@@ -155,11 +155,7 @@ def trace_of(
         numbers = frame_numbers(future.time, poses.time, poses.frame)
     acting = torques(fit, poses.time, record=record) if fit.torque != "friction" else None
     states = fill(fit, poses.time, record=record)
-    turning = tuple(
-        i
-        for i, joint in enumerate(fit.mechanism.joints)
-        if joint.kind == "hinge" and not np.isfinite([joint.lower, joint.upper]).all()
-    )
+    turning = tuple(i for i, joint in enumerate(fit.mechanism.joints) if joint.turns)
     shared = shared_errors(poses, fit.mechanism)
     if shared is not None and not poses.metric:
         shared = shared * in_metres(fit.mechanism, fit.scale)
@@ -256,19 +252,25 @@ def metric(poses: Poses, mechanism: Mechanism, scale: float, common: Common | No
         common: Errors that the positions have in common, which are taken off; None for none.
     """
     position, shifts = poses.position, poses.shifts
+    factor = np.ones(position.shape[1])
     changed: dict[str, Any] = {}
     if poses.roll is not None:
         position = position + by_roll(mechanism) * (mechanism.values[ROLL] - poses.roll)
         changed["roll"] = None
     if common is not None and shifts is not None and not poses.cleared:
-        position = position - np.tensordot(common.mean, shifts, axes=1)
+        off = np.tensordot(common.mean, shifts, axes=1)
+        position, factor = without_shared(position, off, poses.measured)
         shifts = np.tensordot(common.root.T, shifts, axes=1)
         changed["cleared"] = True
     if not poses.metric:
-        factor = in_metres(mechanism, scale)
-        position, shifts = position * factor, None if shifts is None else shifts * factor
-        changed |= {"covariance": poses.covariance * np.outer(factor, factor), "metric": True}
-    return replace(poses, position=position, shifts=shifts, **changed) if changed else poses
+        metres = in_metres(mechanism, scale)
+        position, factor = position * metres, factor * metres
+        changed["metric"] = True
+    if not changed:
+        return poses
+    covariance = poses.covariance * np.outer(factor, factor)
+    shifts = None if shifts is None else shifts * factor
+    return replace(poses, position=position, covariance=covariance, shifts=shifts, **changed)
 
 
 def shared_errors(poses: Poses, mechanism: Mechanism) -> np.ndarray | None:

@@ -96,7 +96,7 @@ def free_span(masks: Masks, scene: Scene, poses: Poses) -> FreeSpan:
     begin = released(poses, first, stop, slides=slides)
     hanging = _hung(scene.mechanism, poses, first, begin)
     free = FreeSpan(begin, stop, (), hanging * (begin - first))
-    return free._replace(notes=tuple(_notes(poses, span, free)))
+    return free._replace(notes=tuple(_notes(poses, span, first, free, touched=bool(touched.any()))))
 
 
 def _hung(mechanism: Mechanism, poses: Poses, first: int, begin: int) -> bool:
@@ -147,7 +147,7 @@ def span_of_poses(poses: Poses, mechanism: Mechanism, given: tuple[float, float 
     first = int(poses.frame[min(row, len(poses) - 1)])
     hanging = _hung(mechanism, poses, begin, row) * (first - held)
     free = FreeSpan(first, int(poses.frame[stop - 1]) + 1, (), hanging)
-    return free._replace(notes=tuple(_notes(poses, whole, free)))
+    return free._replace(notes=tuple(_notes(poses, whole, held, free, touched=False)))
 
 
 def blanked(poses: Poses, span: FreeSpan) -> Poses:
@@ -310,27 +310,32 @@ def _without_short(states: np.ndarray, short: int, *, value: bool) -> np.ndarray
     return out
 
 
-def _notes(poses: Poses, shown: tuple[int, int], free: FreeSpan) -> list[str]:
-    """Write the sentences about the frames that do not count."""
-    whole = (int(poses.frame[0]), int(poses.frame[-1]) + 1)
+def _notes(poses: Poses, shown: tuple[int, int], first: int, free: FreeSpan, *, touched: bool) -> list[str]:
+    """Write the sentences about the frames that do not count.
+
+    ``first`` is where the free stretch begins with a rest at its begin, ``touched`` whether any frame was
+    left out for what lies against the mechanism.
+    """
     notes = []
-    if shown != whole:
+    if shown != (int(poses.frame[0]), int(poses.frame[-1]) + 1):
         notes.append(
             f"The scene shows in frames {shown[0]}:{shown[1]} only; the clip fades there, or shows something "
             "else at first or in the end."
         )
     if free.hanging:
         notes.append(
-            f"The mechanism hangs at rest before frame {free.first}, where the fit begins unless "
-            "--fit-frames A:B says otherwise."
+            f"The mechanism hardly moves before frame {free.first}, near where it hangs; the fit begins "
+            "there unless --fit-frames A:B says otherwise."
         )
-    if (free.first - free.hanging, free.stop) != shown:
+    why = ["it hardly moves before, and may be held"] if free.first - free.hanging > first else []
+    if (first, free.stop) != shown:
+        beside = ["more than usual stands out beside it in other frames, which may touch it"] * touched
+        why += [*beside, *["the time jumps"] * (len(jumps(poses.time)) > 0)]
+    if why:
         rows = np.searchsorted(poses.frame, [free.first, free.stop])
         begin, end = (float(poses.time[row]) for row in (rows[0], rows[1] - 1))
-        jumped = ", or the time jumps" if len(jumps(poses.time)) else ""
         notes.append(
-            f"The mechanism moves freely in frames {free.first}:{free.stop}, {begin:.3f} to {end:.3f} s; "
-            f"outside of these something touches or holds it{jumped} (--time-range A:B [s] gives another "
-            "range)."
+            f"The motion of the mechanism is taken to be free in frames {free.first}:{free.stop}, "
+            f"{begin:.3f} to {end:.3f} s: {'; '.join(why)} (--time-range A:B [s] gives another range)."
         )
     return notes

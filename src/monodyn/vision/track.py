@@ -16,6 +16,7 @@ import numpy as np
 
 from monodyn.arrays import usual_step
 from monodyn.mechanism.tree import HINGE
+from monodyn.mechanism.turning import unwound
 from monodyn.types import Frame, Mask, Poses, Progress
 from monodyn.vision.drawing.around import rows_around
 from monodyn.vision.drawing.follow import EVERYWHERE, EdgeSearch, MoveLimits
@@ -102,6 +103,7 @@ def follow_clip(
     # with those places left out of the picture.
     if first.unusual and np.any(hidden := first.occluders.hidden()):
         poses = _followed(masks, Follower(scene, settings, hidden), progress)
+    poses = unwound(poses, first.turning)
     if scene.doubt is None:
         return poses
     return scene.doubt.with_shifts(poses, np.array([j.kind == "slide" for j in scene.mechanism.joints]))
@@ -142,6 +144,7 @@ class Follower:
     Attributes:
         scene: The scene.
         occluders: Where the mechanism should have shown and did not.
+        turning: True for the hinges that may turn all around, bool (dof,).
         unusual: Number of frames in which not every link lay on the mask as usual.
     """
 
@@ -155,6 +158,7 @@ class Follower:
         self.occluders, self.unusual = Occluders(self._rig, view), 0
         self._lower, self._upper = joint_limits(scene.mechanism)
         self._hinge = self._rig.kind == HINGE
+        self.turning = np.array([joint.turns for joint in scene.mechanism.joints])
         reach = float(np.ptp(scene.mechanism.shapes.points[:, :2], axis=0).max())
         self._move = np.where(self._hinge, settings.move, settings.move * reach)
         self._known = dict(zip(scene.key_frames, scene.key_positions, strict=True))
@@ -285,7 +289,7 @@ class Follower:
         shutter = self.scene.shutter
         if shutter is not None and mask.index < len(shutter.position):
             # where the mechanism was when the clip was followed before
-            before = shutter.position[mask.index]
+            before = self._with_turns(shutter.position[mask.index], mask.time)
             starts = [before, *starts] if np.all(np.isfinite(before)) else starts
         # Every start is tried with a short search, then with a long one, until a pose fits about as well as
         # those before it. A pose that fits much worse may have locked on a wrong edge: it is kept, but the
@@ -353,10 +357,8 @@ class Follower:
         reduced, rig = self._coarse
         frame, motion = key_frame(mask, reduced), self._motion
         q, _ = search_pose(frame, reduced.only([]), rig, self.scene.mechanism)
+        q = self._with_turns(q, mask.time)
         expected = motion.expected(mask.time) if motion.begun else q
-        # a picture shows a hinge's angle but for whole turns; those come from the motion so far
-        turns = np.round((expected - q) / (2.0 * np.pi))
-        q = q + np.where(self._hinge & ~np.isfinite(self._lower), 2.0 * np.pi * turns, 0.0)
         found, _ = self._follow(mask, q, self._settings.first_reach)
         if not motion.begun:
             return _better(along, found)
@@ -374,6 +376,10 @@ class Follower:
             if more > UNEXPLAINED * frame.area or along.score >= found.score:
                 return along
         return found
+
+    def _with_turns(self, position: np.ndarray, time: float) -> np.ndarray:
+        """Return a pose, whose whole turns no picture shows, with those of the motion so far."""
+        return np.where(self.turning, self._motion.turned(position, time), position)
 
     def _explained(self, frame: KeyFrame, position: np.ndarray) -> float:
         """Return the foreground that a pose covers [reduced px^2]."""

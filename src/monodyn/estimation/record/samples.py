@@ -71,6 +71,11 @@ class Data:
         """Number of records."""
         return len(self.first) - 1
 
+    @property
+    def of_records(self) -> list[slice]:
+        """The rows of each record."""
+        return [slice(first, stop) for first, stop in zip(self.first[:-1], self.first[1:], strict=True)]
+
     @cached_property
     def motion_size(self) -> np.ndarray:
         """Standard deviation of the measured positions of each joint about their mean, without the pull of

@@ -52,3 +52,40 @@ def moves_a_zero(shifts: np.ndarray | None, measured: np.ndarray) -> np.ndarray:
         whole = len(rows) > 0 and len(rows) == measured[rows[0] : rows[-1] + 1, dofs[0]].sum()
         found.append(whole and np.ptp(dofs) == 0 and np.ptp(one) <= SAME * np.abs(one[0]))
     return np.array(found, dtype=np.bool_)
+
+
+def growth(errors: np.ndarray, position: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """Return by how much errors of sizes and camera grow with the positions of one record, (..., dof).
+
+    Args:
+        errors: The errors [rad or m], (..., row, dof).
+        position: Positions [rad or m], (row, dof).
+        measured: Where positions were measured, bool (row, dof).
+    """
+    count = np.maximum(measured.sum(axis=0), 1)
+    mean = np.where(measured, position, 0.0).sum(axis=0) / count
+    away = np.where(measured, position - mean, 0.0)
+    square = np.sum(away**2, axis=0)
+    return np.sum(away * errors, axis=-2) / np.where(square > 0.0, square, 1.0)
+
+
+def without_shared(
+    position: np.ndarray, error: np.ndarray, measured: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Take an error of sizes and camera off the positions of one record.
+
+    As far as it grows with the position it is a factor on the motion, and on the noise: a record that is made
+    smaller is no better known. The factor is that of many small steps, so that no error makes it zero.
+
+    Args:
+        position: Positions [rad or m], (row, dof).
+        error: The error [rad or m], (row, dof).
+        measured: Where positions were measured, bool (row, dof).
+
+    Returns:
+        Positions without it, (row, dof), and the factor on their noise, (dof,).
+    """
+    rate = growth(error, position, measured)
+    # q' = -rate (q - c) from 0 to 1 leads to q - (1 - exp(-rate)) (q - c), and the error is rate (q - c)
+    share = np.where(rate == 0.0, 1.0, -np.expm1(-rate) / np.where(rate == 0.0, 1.0, rate))
+    return np.where(measured, position - share * error, position), np.exp(-rate)

@@ -14,7 +14,7 @@ import numpy as np
 
 from monodyn.estimation.parts import Common
 from monodyn.estimation.record.samples import Data, Pieces
-from monodyn.estimation.record.shared import moves_a_zero
+from monodyn.estimation.record.shared import growth, moves_a_zero, without_shared
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.trial import Trial
 from monodyn.types import Poses
@@ -56,7 +56,7 @@ def common_error(problem: Problem, trial: Trial, so_far: np.ndarray) -> Common:
         Lindley and Smith, Bayes estimates for the linear model, 1972.
     """
     residuals, jacobian = problem.rows(trial)
-    shifts, count = whitened_shifts(problem.data), len(trial.x)
+    shifts, count = whitened_shifts(_at_motion(problem, trial)), len(trial.x)
     shared = _projected(jacobian, residuals, shifts, count, trial.pieces)
     # what the picture knows of sizes is as many further rows, which no shift moves
     values, vectors = np.linalg.eigh(problem.prior.information)
@@ -89,8 +89,12 @@ def less(data: Data, mean: np.ndarray) -> Data:
     """
     if data.shifts is None:
         return data
-    off = np.tensordot(mean, data.shifts, axes=1)
-    return replace(data, position=np.where(data.measured, data.position - off, data.position))
+    off, position = np.tensordot(mean, data.shifts, axes=1), data.position.copy()
+    factor = np.ones(position.shape)
+    for rows in data.of_records:
+        position[rows], factor[rows] = without_shared(position[rows], off[rows], data.measured[rows])
+    white = data.white / factor[:, np.newaxis]
+    return replace(data, position=position, white=white, shifts=data.shifts * factor)
 
 
 def left_open(data: Data, root: np.ndarray) -> Data:
@@ -128,6 +132,18 @@ def whitened_shifts(data: Data) -> np.ndarray:
     if data.shifts is None:
         return np.zeros((rows, dofs, 0))
     return data.white @ np.moveaxis(data.shifts, 0, 2)
+
+
+def _at_motion(problem: Problem, trial: Trial) -> Data:
+    """Return the data with such errors as the simulated positions have them: those of measured ones have a
+    part of the noise, which seems to become less if the record is made smaller."""
+    data, difference = problem.data, np.nan_to_num(problem.differences(trial))
+    assert data.shifts is not None
+    shifts = data.shifts.copy()
+    for rows in data.of_records:
+        factor = growth(shifts[:, rows], data.position[rows], data.measured[rows])
+        shifts[:, rows] -= factor[:, np.newaxis] * difference[rows]
+    return replace(data, shifts=shifts)
 
 
 def without_states(jacobian: np.ndarray, count: int, pieces: Pieces) -> np.ndarray:

@@ -18,6 +18,7 @@ import numpy as np
 from monodyn.arrays import usual_step
 from monodyn.errors import VideoError
 from monodyn.types import Frame
+from monodyn.vision.clip.capture import stretch_of
 from monodyn.vision.clip.orientation import Turn, square_size, turn_of, upright_planes
 from monodyn.vision.clip.stamps import clock_of, without_pauses
 
@@ -58,6 +59,7 @@ class _Opening(NamedTuple):
         rates: Rates that the file states [Hz].
         stampless: True when the format stores no stamps, so that those of the decoder are made up.
         layout: How the pictures are stored.
+        tags: Keys of the file and of its picture stream, with their values.
     """
 
     pts: list[int | None]
@@ -65,6 +67,7 @@ class _Opening(NamedTuple):
     rates: tuple[Fraction, ...]
     stampless: bool
     layout: _Layout
+    tags: dict[str, str]
 
 
 class _Stamps(NamedTuple):
@@ -81,7 +84,9 @@ class _Stamps(NamedTuple):
     own: bool
 
 
-def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray, Any, list[str], float]:
+def read_container(
+    path: Path, rate: float | None
+) -> tuple[int, int, np.ndarray, Any, list[str], float, float]:
     """Read size and time stamps of a video file.
 
     Args:
@@ -89,8 +94,8 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
         rate: Frames a second [Hz] in place of the file's stamps, or None.
 
     Returns:
-        Width and height [px], times [s] (frame,), the decode function, the notes and what the times are
-        rounded to [s], as ``Video`` takes them.
+        Width and height [px], times [s] (frame,), the decode function, the notes, what the times are
+        rounded to [s] and by how much the stamps were stretched, as ``Video`` takes them.
 
     Raises:
         VideoError: The file has no time stamps, or fewer than two frames.
@@ -120,12 +125,14 @@ def read_container(path: Path, rate: float | None) -> tuple[int, int, np.ndarray
                 "rounding counts as noise."
             )
         _note_missing(path, times + (ticks[-1] - shown[-1]) * float(opening.base), notes)
+        stretch = stretch_of(path, opening.tags, 1.0 / usual_step(times), notes)
+        times, tick = times / stretch, tick / stretch
     else:
-        times, tick = np.arange(len(ticks)) / rate, 0.0
+        times, tick, stretch = np.arange(len(ticks)) / rate, 0.0, 1.0
         notes.append(f"Time stamps replaced by {rate:g} frames a second.")
     clip = _Clip(path, layout, _Stamps(ticks, times, own), notes)
     width, height = layout.size[::-1] if layout.turn.transpose else layout.size
-    return width, height, times, clip.decode, notes, tick
+    return width, height, times, clip.decode, notes, tick, stretch
 
 
 def opened(address: str, **how: Any) -> Any:
@@ -212,6 +219,7 @@ def _first_pictures(path: Path) -> _Opening:
         base = stream.time_base
         rates = tuple(rate for rate in (stream.base_rate, stream.average_rate) if rate)
         stampless = bool(int(getattr(container.format, "flags", 0)) & NO_TIMESTAMPS)
+        tags = {**stream.metadata, **container.metadata}
     if not pts:
         raise VideoError(
             f"clip '{path}': expected pictures, none of them decodes; the file is empty or damaged."
@@ -222,7 +230,7 @@ def _first_pictures(path: Path) -> _Opening:
             f"wide, got {aspect.numerator}:{aspect.denominator}; correct the file's sample aspect ratio, for "
             "example as made by ffmpeg -i CLIP -vf setsar=1 FIXED.mp4."
         )
-    return _Opening(pts, base, rates, stampless, _Layout(shape, square_size(*shape, aspect), turn))
+    return _Opening(pts, base, rates, stampless, _Layout(shape, square_size(*shape, aspect), turn), tags)
 
 
 def pictures(container: Any, stream: Any) -> Iterator[Any]:
@@ -237,13 +245,7 @@ def pictures(container: Any, stream: Any) -> Iterator[Any]:
     """
     import av.error
 
-    packets = container.demux(stream)
-    while True:
-        # a damaged container ends here, as does a whole one; a damaged packet costs its own pictures only
-        try:
-            packet = next(packets)
-        except (StopIteration, EOFError, av.error.FFmpegError):
-            return
+    for packet in _packets(container, stream):
         try:
             decoded = packet.decode()
         except EOFError:
@@ -251,6 +253,14 @@ def pictures(container: Any, stream: Any) -> Iterator[Any]:
         except av.error.FFmpegError:
             continue
         yield from (frame for frame in decoded if not getattr(frame, "is_corrupt", False))
+
+
+def _packets(container: Any, stream: Any) -> Iterator[Any]:
+    """Yield the packets of a stream: a damaged container ends at the damage, as does a whole one."""
+    import av.error
+
+    with contextlib.suppress(EOFError, av.error.FFmpegError):
+        yield from container.demux(stream)
 
 
 def _ticks(path: Path, opening: _Opening, notes: list[str]) -> tuple[np.ndarray, bool]:
@@ -277,24 +287,17 @@ def _ticks(path: Path, opening: _Opening, notes: list[str]) -> tuple[np.ndarray,
 
 def _packet_stamps(path: Path) -> list[int] | None:
     """Read the stamps of all packets without decoding; None where a packet has none."""
-    import av
-    import av.error
-
     container, stream = open_stream(path)
     found: list[int] = []
     with container:
-        packets = container.demux(stream)
-        while True:
-            try:
-                packet = next(packets)
-            except (StopIteration, EOFError, av.error.FFmpegError):
-                return found
+        for packet in _packets(container, stream):
             # an empty packet ends the stream; one to be discarded is decoded for others and never shown
             if packet.size == 0 or getattr(packet, "is_discard", False):
                 continue
             if packet.pts is None:
                 return None
             found.append(packet.pts)
+    return found
 
 
 def _all_pictures(path: Path) -> Iterator[Any]:
@@ -307,7 +310,10 @@ def _note_missing(path: Path, times: np.ndarray, notes: list[str]) -> None:
     """Note when the file announces more than it holds."""
     container, stream = open_stream(path)
     with container:
-        announced = stream.frames
+        announced, held = stream.frames, len(times)
+        if announced > held + 1:
+            # those that an edit list hides, or whose stamps do not increase, are there
+            held = sum(packet.size > 0 for packet in _packets(container, stream))
         duration = float(container.duration) / 1e6 if container.duration else 0.0
         start = float(container.start_time) / 1e6 if container.start_time else 0.0
         alone = len(container.streams) == 1
@@ -315,10 +321,10 @@ def _note_missing(path: Path, times: np.ndarray, notes: list[str]) -> None:
     # some formats count their duration from time 0, others from the first stamp
     end = max(times[-1], times[-1] - start)
     # the duration is that of the longest stream: with sound it gives no information about the pictures
-    if announced > len(times) + 1:
-        notes.append(f"The file announces {announced} frames but holds {len(times)}; it is cut short.")
+    if announced > held + 1:
+        notes.append(f"The file announces {announced} frames but holds {held}; it may be cut short.")
     elif alone and duration > end + max(3 * step, 0.05 * duration):
-        notes.append(f"The file announces {duration:.2f} s but ends at {end:.2f} s; it is cut short.")
+        notes.append(f"The file announces {duration:.2f} s but ends at {end:.2f} s; it may be cut short.")
 
 
 class _Clip:

@@ -120,7 +120,7 @@ def _add_sums(
     for g in range(geoms):
         for i in range(first[g], first[g + 1]):
             p, q = hull[i], hull[i + 1] if i + 1 < first[g + 1] else hull[first[g]]
-            xp, yp, xq, yq = px[p, 0], px[p, 1], px[q, 0], px[q, 1]
+            xp, yp, xq, yq = float(px[p, 0]), float(px[p, 1]), float(px[q, 0]), float(px[q, 1])
             before = inside[0]
             if g < same:
                 touched = False

@@ -11,7 +11,7 @@ from monodyn.arrays import medians
 from monodyn.cores import on_all_cores
 from monodyn.errors import VideoError
 from monodyn.types import Frame
-from monodyn.vision.foreground.background import Background
+from monodyn.vision.foreground.background import CHANGED_NOISE, Background
 from monodyn.vision.foreground.changes import (
     BEHIND,
     FRAME,
@@ -82,7 +82,7 @@ def moving_colours(
         The colours.
 
     Raises:
-        VideoError: No pixel differs from the background: nothing moves.
+        VideoError: Next to no pixel differs from the background.
     """
     grey_only = colour == "grey" or background.chroma is None or any(f.chroma is None for f in samples)
     contrast = contrast or least_contrast(samples, background, grey_only)
@@ -91,9 +91,12 @@ def moving_colours(
     pixels, absent = moving_pixels(samples, background, around, grey_only, contrast, shadow)
     if len(pixels) < LEAST_PIXELS:
         raise VideoError(
-            "the clip: expected a mechanism that moves, got a still picture; nothing differs from the "
-            f"background by more than {contrast:.2g} grey levels; give a clip that shows motion, or a lower "
-            "--segment.contrast."
+            "the clip: expected a mechanism that moves before a still background, got next to nothing "
+            f"that differs from the background by more than {contrast:.2g} grey levels and "
+            f"{CHANGED_NOISE:g} times its noise there. Either nothing moves, or it hardly stands out, or "
+            "it covers the same place most of the time, or the camera moves before a background that does "
+            "not show how: give a clip that shows motion, a lower --segment.contrast, or --background "
+            "with a picture without the mechanism."
         )
     ways = [grey_only, True] if colour == "auto" and not grey_only else [grey_only]
     shown = pixels[:, SHOWN]

@@ -129,7 +129,7 @@ def grown(frames: KeyFrames, start: SceneStart, roots: list[Root]) -> list[Struc
     ]
     for link in range(len(start.mechanism.joints)):
         if link == 0:
-            tried = [seed for i in range(len(roots)) for seed in _seeds(start, i, roots[i])]
+            tried = [seed for i in range(len(roots)) for seed in _seeds(start, i, roots[i], widths)]
         else:
             tried = [
                 longer
@@ -210,15 +210,19 @@ def whole(structure: Structure, start: SceneStart) -> Structure:
     return replace(structure, mechanism=structure.mechanism.with_values(sizes), scale=scale)
 
 
-def _seeds(start: SceneStart, number: int, root: Root) -> Iterator[Structure]:
+def _seeds(start: SceneStart, number: int, root: Root, widths: list[float]) -> Iterator[Structure]:
     """Return the mechanism at a root at each scale that is to be tried: the first link has a length of the
-    grid, or where it has none the whole mechanism."""
+    grid, or one that was measured, or where it has none the whole mechanism has it."""
     mechanism, camera = start.mechanism, start.camera
     known, name = mechanism.values, f"{mechanism.joints[0].body}.length"
     at_once = "camera.depth" in start.pinned
     size = known.get(name) or longest_reach(rig_of(mechanism, camera))
     longest = LONGEST * root.reach
-    shown = [float(np.log(longest / extent) / np.log(RATIO)) for extent in root.extents if name in known]
+    # what hangs on one hinge reaches beyond its length by half its width: for a ball that is much
+    extents = root.extents or [root.reach - 0.5 * width for width in widths if len(mechanism.joints) == 1]
+    shown = [
+        float(np.log(longest / extent) / np.log(RATIO)) for extent in extents if name in known and extent > 0
+    ]
     for step in (*range(LENGTHS), *shown):
         factor = longest * camera.depth / camera.focal / RATIO**step / size
         held = name in start.pinned or name not in known

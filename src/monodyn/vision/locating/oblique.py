@@ -265,7 +265,8 @@ def _fall(found: Bundle, before: Bundle) -> float:
     for bundle in (before, found):
         # a sample without an edge is at least as far off as an edge may be
         missed = (1.0 - bundle.matched) * MATCHED_PX**2
-        lost.append(bundle.samples @ (bundle.matched * bundle.rms_px**2 + missed))
+        # an outline that left the picture has no samples: both count with those of the one before
+        lost.append(before.samples @ (bundle.matched * bundle.rms_px**2 + missed))
     return float(lost[0] - lost[1]) / NOISE_PX**2
 
 

@@ -17,6 +17,7 @@ from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.drawing.rig import SHOWN_KINDS
 from monodyn.vision.locating.bundle import SETTLE, SYSTEMATIC_PX, Bundle, KeyMasks, refine
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.locating.thin import LEAST_WIDTH_PX
 from monodyn.vision.locating.variables import LOG_STD, SceneVariables, scene_variables, springs
 
 DEPARTED = 5.0
@@ -102,7 +103,8 @@ def without_unseen(bundle: Bundle, file: Mechanism) -> Bundle:
         file: The mechanism with the proportions of its file.
 
     Returns:
-        The bundle, its unseen lengths such that these places follow them.
+        The bundle, its unseen lengths such that these places follow them. A width that no picture shows is
+        that of a thread: with its new length the body may lie in the picture.
     """
     variables, mechanism = bundle.variables, bundle.mechanism
     x = variables.read(mechanism, bundle.camera)
@@ -119,6 +121,10 @@ def without_unseen(bundle: Bundle, file: Mechanism) -> Bundle:
         if grow @ bundle.information @ grow < 1.0 / LOG_STD**2 and known[name] * values[name] > 0.0:
             sizes[size] = values[name] * known[size] / known[name]
             tied.append(name)
+            width = size.removesuffix("length") + "width"
+            row = names.index(width) if width in names else i
+            if row != i and bundle.information[row, row] < 1.0 / LOG_STD**2:
+                sizes[width] = LEAST_WIDTH_PX * bundle.camera.depth / bundle.camera.focal
     if not tied:
         return bundle
     return replace(bundle, mechanism=mechanism.with_values(sizes).with_following(tied, follow=True))

@@ -13,10 +13,11 @@ from functools import partial
 import numpy as np
 
 from monodyn.mechanism.tree import HINGE
+from monodyn.mechanism.turning import unwound
 from monodyn.types import Poses
 from monodyn.vision.points.adjust import Adjustment, Fitted, Seen, common_shifts, cost, noise_of
 from monodyn.vision.points.locate import covariances, inside, registered
-from monodyn.vision.points.poses import named_rightly, solved, unwrapped
+from monodyn.vision.points.poses import named_rightly, solved
 from monodyn.vision.points.rest import Named, at_rest
 from monodyn.vision.points.scene import PointScene
 from monodyn.vision.points.shown import mean_length, project
@@ -73,15 +74,15 @@ def follow_points(tracks: PointTracks, scene: PointScene) -> Poses:
     covariance = covariance[:, :dofs, :dofs]
     shown = np.asarray(known & _shown(adjustment, fitted, kept))
     position = np.where(shown, fitted.position[:, :dofs], np.nan)
-    position = unwrapped(position, tracks.time, scene.mechanism.tree.kind, shown)
     seen_rows = np.all(shown, axis=1)
     names = tuple(joint.name for joint in joints)
     doubted = replace(scene.doubted, jitter=adjustment.jitter)
     shifts = np.where(shown, common_shifts(doubted, fitted, kept, scene.off)[:, :, :dofs], 0.0)
-    return Poses(
+    poses = Poses(
         names, tracks.frame, tracks.time, position, covariance, seen_rows, metric=False, joint_seen=shown,
         roll=scene.camera.roll, shifts=shifts,
     )  # fmt: skip
+    return unwound(poses, scene.mechanism.tree.kind == HINGE)
 
 
 def _named_anew(scene: PointScene, seen: Seen, moving: bool) -> Named:

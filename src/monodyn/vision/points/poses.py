@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monodyn.mechanism.tree import HINGE
 from monodyn.vision.points.adjust import Adjustment, Fitted, Seen, cost, held, weights
 from monodyn.vision.points.begin import begin
 from monodyn.vision.points.shown import in_plane, pose_slopes, project
@@ -223,32 +222,3 @@ def likeliest(costs: np.ndarray, change: float) -> np.ndarray:
     for k in range(count - 1, 0, -1):
         path[k - 1] = back[path[k], k]
     return path
-
-
-def unwrapped(position: np.ndarray, time: np.ndarray, kind: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Return hinge angles as they go on from frame to frame: the turns nearest to the motion so far.
-
-    Args:
-        position: Joint positions [rad or m], (frame, dof).
-        time: Time stamps [s], (frame,).
-        kind: Joint kinds, (dof,).
-        seen: True where a joint was seen, bool (frame, dof).
-
-    Returns:
-        The positions, (frame, dof).
-    """
-    out = position.copy()
-    for dof in np.flatnonzero(kind == HINGE):
-        rows = np.flatnonzero(seen[:, dof])
-        if not len(rows):
-            continue
-        angle = out[rows, dof]
-        for i in range(1, len(rows)):
-            expected = angle[i - 1]
-            # the rate before counts only across a gap as short as the one that it was measured over
-            if i > 1 and time[rows[i]] - time[rows[i - 2]] < 5.0 * (time[rows[i - 1]] - time[rows[i - 2]]):
-                rate = (angle[i - 1] - angle[i - 2]) / (time[rows[i - 1]] - time[rows[i - 2]])
-                expected += rate * (time[rows[i]] - time[rows[i - 1]])
-            angle[i] -= 2.0 * np.pi * np.round((angle[i] - expected) / (2.0 * np.pi))
-        out[rows, dof] = angle
-    return out

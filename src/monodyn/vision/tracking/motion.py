@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from monodyn.mechanism.turning import LONGER, TURN
 from monodyn.uncounted import UNCOUNTED
 
 MOST_AMPLIFIED = 16.0
@@ -93,6 +94,22 @@ class Motion:
         """
         near = self.frames_since(time) <= TURNS_KNOWN_FRAMES
         return np.where(near, self._ahead(time)[0], self._position[-1])
+
+    def turned(self, position: np.ndarray, time: float) -> np.ndarray:
+        """Return hinge angles with the whole turns of the motion so far, (dof,).
+
+        They make the smallest step from where a joint was seen in the frame before; after frames out of
+        sight they are those of its last rate.
+
+        Args:
+            position: Angles but for whole turns [rad], (dof,).
+            time: Time stamp [s].
+        """
+        since = self.frames_since(time)
+        hidden = (since > LONGER) & (since <= TURNS_KNOWN_FRAMES)
+        near = np.where(hidden, self._ahead(time)[1], self._position[-1])
+        # before the first measurement there is no motion
+        return position + TURN * np.nan_to_num(np.round((near - position) / TURN))
 
     def predictions(self, time: float) -> list[np.ndarray]:
         """Return where the mechanism may be: by constant acceleration, by constant rate, where it was.
