@@ -94,8 +94,7 @@ def test_a_guess_whose_linear_step_led_far_off_is_brought_back(driven, tmp_path)
     brakes = periods.problem.unknowns.of_kind("damping")
     assert brakes.sum() == 2
     absurd = replace(guess, change=np.where(brakes, 300.0, guess.change))
-    problem, optimum = fourier._from_guess(start, task, periods, absurd, False)
-    assert optimum.complete
+    problem, optimum = fourier._in_pieces(start, task, periods, absurd)
     assert residual_rms(problem, optimum) < 1.3
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from monodyn.estimation.record.samples import prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.shooting import starts
 from monodyn.estimation.shooting.problem import posed
-from monodyn.estimation.torque.periods import PeriodSearch, guess_periods
+from monodyn.estimation.torque.periods import PeriodSearch
 from monodyn.mechanism import load
 from monodyn.types import Poses
 from support import slow
@@ -85,7 +86,7 @@ def test_bounds_between_which_the_record_shows_nothing_give_no_period(driven, tm
     start = started(DOUBLE, tmp_path, 0.5, **THICKNESS)
     search = PeriodSearch.of(start, prepare(driven[:1], start), (smooth(driven[0]),))
     for bounds in ((1e-9, 1e-8), (1e7, 1e8)):
-        assert guess_periods(search.problem, search.x, search.motion, 0, bounds) == []
+        assert replace(search, bounds=bounds).guesses(0) == []
 
 
 def test_a_scale_at_which_no_torque_moves_anything_is_not_taken(driven, tmp_path, monkeypatch):

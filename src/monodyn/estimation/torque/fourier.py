@@ -18,7 +18,7 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
 from monodyn.estimation.shooting.shoot import ROUGH, Optimum, Route, fit_pieces
 from monodyn.estimation.shooting.starts import match
-from monodyn.estimation.torque.evidence import gains, likeliest, pays, with_more_unknowns
+from monodyn.estimation.torque.evidence import likeliest, pays, with_more_unknowns
 from monodyn.estimation.torque.friction import near_proportions
 from monodyn.estimation.torque.periods import PeriodGuess, PeriodSearch
 from monodyn.estimation.torque.task import Task, TorqueSolution, frictionless
@@ -67,13 +67,15 @@ def fit_series(
         return TorqueSolution(least, None, reason=NO_PERIOD)
     route = task.search(periods.problem).route
     tried = [_in_pieces(mechanism, task, periods, guess) for guess in guesses]
-    best = likeliest(tried, pieces=True)
-    terms, period = series_of(*tried[best])
-    longer = periods.longer(period, terms) if clock.free else None
-    if longer is not None and not gains(_in_pieces(mechanism, task, periods, longer)[1], tried[best][1], 1):
+    best = tried[likeliest(tried, pieces=True)]
+    # a longer period explains anything smooth: where one explains as much, nothing shows that the motion
+    # repeats; it is held, for the search would lead to the same period or a multiple of it
+    longer = periods.longer(*series_of(*best))
+    beyond = [_in_pieces(_held(mechanism, guess.period), task, periods, guess) for guess in longer]
+    if likeliest([best, *beyond], pieces=True) or not periods.shown(series_of(*best)[1]):
         return TorqueSolution(least, None, reason=NO_PERIOD)
-    problem = posed(series(mechanism, terms, period), task.data)
-    optimum = task.search(problem).from_start(tried[best][1].x, give_up=promising is not None)
+    problem = posed(best[0].mechanism, task.data)
+    optimum = task.search(problem).from_start(best[1].x, give_up=promising is not None)
     problem, optimum = near_proportions(problem, optimum, task)
     # harmonics more or fewer make no torque much larger, and none repeat that does not
     if promising and not (
@@ -87,6 +89,7 @@ def fit_series(
     # what is promising was compared with friction already
     seen = promising is not None or periodic(problem, optimum, route)
     seen = seen and stands_out(problem, optimum.x, periods.motion)
+    seen = seen and periods.shown(series_of(problem, optimum)[1])
     if clock.free and not seen:
         return TorqueSolution(problem, None, reason=NO_PERIOD)
     doubt = () if seen else (no_harmonic(problem.mechanism_at(optimum.x)),)
@@ -108,6 +111,11 @@ def _in_pieces(
     data, pieces = spread(task.data, cut(task.data, search.route.piece), MOST_PIECES)
     few = problem.with_data(data)
     return few, fit_pieces(few, few.started(start, pieces, task.smoothed), search.route, CANDIDATE)
+
+
+def _held(mechanism: Mechanism, period: float) -> Mechanism:
+    driven = mechanism.with_torque("fourier", terms=1, period=period)
+    return driven.with_choices(fix={"torque.period": period})
 
 
 def series(mechanism: Mechanism, terms: int, period: float) -> Mechanism:

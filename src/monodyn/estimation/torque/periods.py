@@ -136,23 +136,30 @@ class PeriodSearch:
                 kept.append(self._scan.fit(float(periods[i]), count))
         return kept[:MOST_CANDIDATES]
 
-    def longer(self, period: float, terms: int) -> PeriodGuess | None:
-        """Return the best of the periods that the record does not show more than once; None where none is
-        allowed.
+    def longer(self, terms: int, period: float) -> list[PeriodGuess]:
+        """Return the best of the periods that the record does not show, none where none is allowed.
 
         A multiple of the given period, of which that one is a harmonic, is no other period.
 
         Args:
-            period: Period [s].
             terms: Number of harmonics.
+            period: Period [s] that it is compared with.
         """
-        span = self._scan.span
-        beyond = span / FEWEST_PERIODS * np.geomspace(1.0, LONGEST_SPAN * FEWEST_PERIODS, 40)[1:]
-        beyond = beyond[(self.bounds[0] <= beyond) & (beyond <= self.bounds[1])]
+        longest = self._scan.span / FEWEST_PERIODS
+        longer = longest * np.geomspace(1.0, LONGEST_SPAN * FEWEST_PERIODS, 40)[1:]
+        longer = longer[(self.bounds[0] < longer) & (longer < self.bounds[1])]
         order = np.arange(1, terms + 1)[:, None]
-        other = beyond[(np.abs(order / beyond - 1.0 / period) > 0.5 / span).all(axis=0)]
+        other = longer[(np.abs(order / longer - 1.0 / period) > 0.5 / self._scan.span).all(axis=0)]
         every = [self._scan.fit(float(one), terms) for one in other]
-        return min(every, key=lambda guess: guess.criterion, default=None)
+        return sorted(every, key=lambda guess: guess.criterion)[:1]
+
+    def shown(self, period: float) -> bool:
+        """Return whether the record is long enough to show that something repeats.
+
+        Args:
+            period: Period [s].
+        """
+        return period <= self._scan.span / FEWEST_PERIODS or self.bounds[0] == self.bounds[1]
 
     @cached_property
     def _scan(self) -> _Scan:
