@@ -205,5 +205,5 @@ def test_a_start_that_nothing_shows_is_no_obstacle(tmp_path):
     problem, route = posed(fourier.series(mechanism, 2, PERIOD), task.data), Route(60, 1e-4, ROUGH)
     first = problem.started(problem.unknowns.x0, Pieces(np.array([0, 60]), np.array([0])), task.smoothed)
     optimum = fit_pieces(problem, first.at(first.x, np.zeros_like(first.states)), route, ROUGH)
-    shorter = fourier.simpler_series(problem, optimum, route, divide=False)
+    shorter = fourier.simpler_series(problem, optimum, route)
     assert fourier.series_of(*shorter)[0] == 1

@@ -18,7 +18,7 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
 from monodyn.estimation.shooting.shoot import ROUGH, Optimum, Route, fit_pieces
 from monodyn.estimation.shooting.starts import match
-from monodyn.estimation.torque.evidence import likeliest, pays, with_more_unknowns
+from monodyn.estimation.torque.evidence import EVIDENCE, criteria, pays, with_more_unknowns
 from monodyn.estimation.torque.friction import near_proportions
 from monodyn.estimation.torque.periods import PeriodGuess, PeriodSearch
 from monodyn.estimation.torque.task import Task, TorqueSolution, frictionless
@@ -30,8 +30,6 @@ MOST_PIECES = 50
 """Pieces by which periods are compared; with more of them the same period wins."""
 CANDIDATE = replace(ROUGH, evaluations=20)
 """For one of the candidates: the true period takes some ten evaluations."""
-BEYOND_DOUBT = 10.0
-"""A harmonic is not tried to be left out where that costs this many times what Schwarz's criterion allows."""
 NO_PERIOD = (
     "The period of the torque cannot be estimated: no period that the record shows more than once explains "
     "the motion better than friction alone. Give more frames, or the period with "
@@ -67,12 +65,17 @@ def fit_series(
         return TorqueSolution(least, None, reason=NO_PERIOD)
     route = task.search(periods.problem).route
     tried = [_in_pieces(mechanism, task, periods, guess) for guess in guesses]
-    best = tried[likeliest(tried, pieces=True)]
+    tried.sort(key=lambda one: series_of(*one)[1])
+    values = criteria(tried)
+    # multiples of the true period explain as much as that one
+    best = tried[int(np.argmax(values <= values.min() + EVIDENCE))]
+    if settings.terms == 0:
+        best = simpler_series(*best, route)
     # a longer period explains anything smooth: where one explains as much, nothing shows that the motion
     # repeats; it is held, for the search would lead to the same period or a multiple of it
     longer = periods.longer(*series_of(*best))
     beyond = [_in_pieces(_held(mechanism, guess.period), task, periods, guess) for guess in longer]
-    if likeliest([best, *beyond], pieces=True) or not periods.shown(series_of(*best)[1]):
+    if criteria([best, *beyond]).argmin() or not periods.shown(series_of(*best)[1]):
         return TorqueSolution(least, None, reason=NO_PERIOD)
     problem = posed(best[0].mechanism, task.data)
     optimum = task.search(problem).from_start(best[1].x, give_up=promising is not None)
@@ -83,9 +86,7 @@ def fit_series(
     ):
         return TorqueSolution(problem, None, reason=NO_PERIOD)
     if settings.terms == 0:
-        # shorter first: of a multiple of the true period only a division drops the idle harmonics
-        shorter = simpler_series(problem, optimum, route, divide=clock.free)
-        problem, optimum = more_terms(*shorter, route)
+        problem, optimum = more_terms(problem, optimum, route)
     # what is promising was compared with friction already
     seen = promising is not None or periodic(problem, optimum, route)
     seen = seen and stands_out(problem, optimum.x, periods.motion)
@@ -146,78 +147,27 @@ def _terms(mechanism: Mechanism) -> int:
     return (mechanism.drive.table.shape[1] - 1) // 2
 
 
-def simpler_series(problem: Problem, optimum: Optimum, route: Route, divide: bool) -> tuple[Problem, Optimum]:
-    """Take harmonics off a periodic torque, or divide its period, as long as the rest explains as much.
+def simpler_series(problem: Problem, optimum: Optimum, route: Route) -> tuple[Problem, Optimum]:
+    """Take harmonics off a periodic torque, the last one first, as long as the rest explains as much.
 
     Args:
         problem: The problem with a periodic torque.
         optimum: Its optimum.
         route: How exact the search is.
-        divide: Whether the period may be divided.
 
     Returns:
         The problem with the series that is best by Schwarz's criterion, and its optimum.
     """
-    while True:
-        terms, period = series_of(problem, optimum)
-        shorter = [(terms - 1, period)] if terms > 1 else []
-        if divide:
-            shorter += [(terms // d, period / d) for d in range(2, terms + 1)]
-        shorter = [one for one in shorter if _dispensable(problem, optimum, *one)]
-        tried = [(problem, optimum)]
-        tried += [_shortened(problem, optimum, count, time, route) for count, time in shorter]
-        best = likeliest(tried)
-        problem, optimum = tried[best]
-        if best == 0:
-            return problem, optimum
-
-
-def _dispensable(problem: Problem, optimum: Optimum, terms: int, period: float) -> bool:
-    """Return whether a series may lack what a shorter one has not: not where that is nonzero beyond doubt.
-
-    With d the coefficients that fall away and C their covariance, the cost rises by d C^-1 d / 2 as long as
-    it is quadratic (Wald's test).
-    """
-    count, before = series_of(problem, optimum)
-    times = round(before / period)
-    kept = {k * times for k in range(1, terms + 1)}
-    entries = problem.mechanism.torques.entries_of(problem.unknowns.names)
-    gone = np.concatenate(
-        [entries[:, 2 * k - 1 : 2 * k + 1].ravel() for k in range(1, count + 1) if k not in kept]
-    )
-    gone = gone[gone >= 0]
-    if not len(gone) or not optimum.complete:
-        return True
-    trial = optimum.trial
-    model = problem.model(trial.x, problem.rows(trial), trial.pieces, 0.0)
-    # a start state of which a piece shows nothing takes nothing up either
-    solved = np.linalg.pinv(model.local_hessian, hermitian=True) @ np.swapaxes(model.cross, 1, 2)
-    information = model.hessian - np.einsum("bsl,blt->st", model.cross, solved)
-    covariance = np.linalg.pinv(information, hermitian=True)[np.ix_(gone, gone)]
-    lost = optimum.x[gone] @ np.linalg.lstsq(covariance, optimum.x[gone], rcond=None)[0]
-    noise = max(optimum.sigma, 1.0)
-    return bool(lost < BEYOND_DOUBT * noise**2 * len(gone) * np.log(problem.data.samples))
-
-
-def _shortened(
-    problem: Problem, optimum: Optimum, terms: int, period: float, route: Route
-) -> tuple[Problem, Optimum]:
-    """Fit a shorter series from an optimum; harmonics of a divided period take over their coefficients."""
-    _, before = series_of(problem, optimum)
-    # 1 when only harmonics are dropped
-    times = round(before / period)
-    shorter = problem.of(series(problem.mechanism, terms, period))
-    start = shorter.unknowns.carried(optimum.x, problem.unknowns)
-    if "torque.period" in shorter.unknowns.names:
-        start[shorter.unknowns.names.index("torque.period")] = np.log(period)
-    table = problem.mechanism_at(optimum.x).drive.table
-    entries = shorter.mechanism.torques.entries_of(shorter.unknowns.names)
-    # harmonic k of a period divided by d is harmonic d k of the whole one; columns are mean, cos1, sin1, ...
-    for k in range(1, terms + 1):
-        for part in (-1, 0):  # cosine and sine
-            new, old = entries[:, 2 * k + part], table[:, 2 * k * times + part]
-            start[new[new >= 0]] = old[new >= 0]
-    return shorter, fit_pieces(shorter, optimum.trial.at(start, optimum.trial.states), route, route.fine)
+    terms, period = series_of(problem, optimum)
+    while terms > 1:
+        terms -= 1
+        shorter = problem.of(series(problem.mechanism, terms, period))
+        start = optimum.trial.at(shorter.unknowns.carried(optimum.x, problem.unknowns), optimum.trial.states)
+        tried = [(problem, optimum), (shorter, fit_pieces(shorter, start, route, CANDIDATE))]
+        if criteria(tried).argmin() == 0:
+            break
+        problem, optimum = tried[1]
+    return problem, optimum
 
 
 def more_terms(problem: Problem, optimum: Optimum, route: Route) -> tuple[Problem, Optimum]:
