@@ -217,9 +217,7 @@ def fit_pieces(
     # the loss depends on its limit: the costs of two fits compare where each has the limit of its own
     # residuals, wherever it began
     last = problem.model(trial.x, (residuals, jacobian), trial.pieces, _loss_limit(reached, robust))
-    ended = Optimum(
-        trial, residuals, last.cost, reached, found.evaluations, found.converged, found.at_bound
-    )
+    ended = Optimum(trial, residuals, last.cost, reached, found.evaluations, found.converged, found.at_bound)
     if found.status == STALLED and start.most_off > 0.0:
         # what the derivatives are off by is all that is left to gain
         nearby = replace(search, damping=NEAR_DAMPING)

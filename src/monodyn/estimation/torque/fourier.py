@@ -64,13 +64,10 @@ def fit_series(
     if not guesses:
         return TorqueSolution(least, None, reason=NO_PERIOD)
     route = task.search(periods.problem).route
-    tried = [_in_pieces(mechanism, task, periods, guess) for guess in guesses]
-    tried.sort(key=lambda one: series_of(*one)[1])
-    values = criteria(tried)
-    # multiples of the true period explain as much as that one
-    best = tried[int(np.argmax(values <= values.min() + EVIDENCE))]
-    if settings.terms == 0:
-        best = simpler_series(*best, route)
+    best = _simplest([_in_pieces(mechanism, task, periods, guess) for guess in guesses])
+    # of a multiple of the true period, and of a series with too many harmonics, the rest is idle
+    simpler = periods.simpler(*series_of(*best), settings.terms)
+    best = _simplest([best, *(_in_pieces(mechanism, task, periods, guess) for guess in simpler)])
     # a longer period explains anything smooth: where one explains as much, nothing shows that the motion
     # repeats; it is held, for the search would lead to the same period or a multiple of it
     longer = periods.longer(*series_of(*best))
@@ -114,6 +111,13 @@ def _in_pieces(
     return few, fit_pieces(few, few.started(start, pieces, task.smoothed), search.route, CANDIDATE)
 
 
+def _simplest(tried: list[tuple[Problem, Optimum]]) -> tuple[Problem, Optimum]:
+    """Return the one with the fewest harmonics, then the shortest period, of those that explain as much."""
+    values = criteria(tried)
+    alike = [one for one, value in zip(tried, values, strict=True) if not value > values.min() + EVIDENCE]
+    return min(alike, key=lambda one: series_of(*one))
+
+
 def _held(mechanism: Mechanism, period: float) -> Mechanism:
     driven = mechanism.with_torque("fourier", terms=1, period=period)
     return driven.with_choices(fix={"torque.period": period})
@@ -145,29 +149,6 @@ def series_of(problem: Problem, optimum: Optimum) -> tuple[int, float]:
 def _terms(mechanism: Mechanism) -> int:
     """Number of harmonics: a series has its mean and two columns for each."""
     return (mechanism.drive.table.shape[1] - 1) // 2
-
-
-def simpler_series(problem: Problem, optimum: Optimum, route: Route) -> tuple[Problem, Optimum]:
-    """Take harmonics off a periodic torque, the last one first, as long as the rest explains as much.
-
-    Args:
-        problem: The problem with a periodic torque.
-        optimum: Its optimum.
-        route: How exact the search is.
-
-    Returns:
-        The problem with the series that is best by Schwarz's criterion, and its optimum.
-    """
-    terms, period = series_of(problem, optimum)
-    while terms > 1:
-        terms -= 1
-        shorter = problem.of(series(problem.mechanism, terms, period))
-        start = optimum.trial.at(shorter.unknowns.carried(optimum.x, problem.unknowns), optimum.trial.states)
-        tried = [(problem, optimum), (shorter, fit_pieces(shorter, start, route, CANDIDATE))]
-        if criteria(tried).argmin() == 0:
-            break
-        problem, optimum = tried[1]
-    return problem, optimum
 
 
 def more_terms(problem: Problem, optimum: Optimum, route: Route) -> tuple[Problem, Optimum]:

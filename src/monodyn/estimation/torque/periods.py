@@ -44,8 +44,6 @@ APART = 0.04
 """Periods nearer to each other than this share are one."""
 MOST_CANDIDATES = 8
 """Periods that are fitted. In random records the true one was among the first five."""
-FEWEST_TERMS = 2
-"""Harmonics of a candidate at least: with one, half of the true period explains a wave without symmetry."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,10 +129,21 @@ class PeriodSearch:
         kept: list[PeriodGuess] = []
         for i in low[np.argsort(least[low])]:
             if all(abs(np.log(periods[i] / other.period)) > APART for other in kept):
-                allowed = [count for count, value in zip(counts, values[:, i], strict=True) if value < np.inf]
-                count = max(counts[int(np.argmin(values[:, i]))], min(FEWEST_TERMS, max(allowed)))
-                kept.append(self._scan.fit(float(periods[i]), count))
+                kept.append(self._scan.fit(float(periods[i]), counts[int(np.argmin(values[:, i]))]))
         return kept[:MOST_CANDIDATES]
+
+    def simpler(self, terms: int, period: float, fixed: int) -> list[PeriodGuess]:
+        """Return series with fewer harmonics, or of a part of a period, that may be all there is to a series.
+
+        Args:
+            terms: Number of harmonics.
+            period: Period [s].
+            fixed: Number of harmonics that is given; 0 for none.
+        """
+        parts = range(1, terms + 1) if self.bounds[0] < self.bounds[1] else (1,)
+        every = [(part, count) for part in parts for count in range(1, terms // part + 1)]
+        every = [(part, fixed) for part in parts] if fixed else every
+        return [self._scan.fit(period / part, count) for part, count in every if (part, count) != (1, terms)]
 
     def longer(self, terms: int, period: float) -> list[PeriodGuess]:
         """Return the best of the periods that the record does not show, none where none is allowed.
