@@ -44,6 +44,9 @@ APART = 0.04
 """Periods nearer to each other than this share are one."""
 MOST_CANDIDATES = 8
 """Periods that are fitted. In random records the true one was among the first five."""
+FEWEST_TERMS = 2
+"""Harmonics of a candidate at least: smoothing hides the second one, and a period twice as long would pass for
+the true one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +132,9 @@ class PeriodSearch:
         kept: list[PeriodGuess] = []
         for i in low[np.argsort(least[low])]:
             if all(abs(np.log(periods[i] / other.period)) > APART for other in kept):
-                kept.append(self._scan.fit(float(periods[i]), counts[int(np.argmin(values[:, i]))]))
+                allowed = [count for count, value in zip(counts, values[:, i], strict=True) if value < np.inf]
+                count = max(counts[int(np.argmin(values[:, i]))], min(FEWEST_TERMS, max(allowed)))
+                kept.append(self._scan.fit(float(periods[i]), count))
         return kept[:MOST_CANDIDATES]
 
     def simpler(self, terms: int, period: float, fixed: int) -> list[PeriodGuess]:
