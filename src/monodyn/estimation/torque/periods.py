@@ -45,8 +45,8 @@ APART = 0.04
 MOST_CANDIDATES = 8
 """Periods that are fitted. In random records the true one was among the first five."""
 FEWEST_TERMS = 2
-"""Harmonics of a candidate at least: smoothing hides the second one, and a period twice as long would pass for
-the true one."""
+"""Harmonics of a candidate at least: smoothing hides the second one, and a period twice as long would pass
+for the true one."""
 
 
 @dataclass(frozen=True, eq=False)
