@@ -158,7 +158,7 @@ def criteria(tried: list[tuple[Problem, Optimum]]) -> np.ndarray:
         tried: Problems on the same data with their optima, which may be of the same pieces.
 
     Returns:
-        Twice the logarithm of how unlikely each is, up to what all share.
+        Twice the logarithm of how unlikely each is, up to what all share, (optimum,).
 
     Source:
         Schwarz, Estimating the dimension of a model, 1978.
