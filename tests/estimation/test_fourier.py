@@ -1,6 +1,7 @@
 """A periodic torque: found without a hint, or refused with what to do."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,13 +21,12 @@ from driven import (
     two_waves,
     wave,
 )  # fmt: skip
-from monodyn.estimation.record.samples import Pieces
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.shooting.problem import posed
-from monodyn.estimation.shooting.shoot import ROUGH, Route, fit_pieces
 from monodyn.estimation.torque import fourier
+from monodyn.estimation.torque.evidence import EVIDENCE
 from monodyn.estimation.torque.free import residual_rms
 from monodyn.estimation.torque.periods import PeriodSearch
+from monodyn.mechanism import load
 from monodyn.results.predict import predict
 from monodyn.results.torques import torques
 from monodyn.stages import identify
@@ -68,21 +68,12 @@ def test_a_periodic_torque_predicts(series, tmp_path):
 
 
 @pytest.mark.slow
-def test_harmonics_are_counted(tmp_path, monkeypatch):
-    fitted, shortened = [], fourier._shortened
-
-    def noted(problem, optimum, terms, *rest):
-        fitted.append(terms)
-        return shortened(problem, optimum, terms, *rest)
-
-    monkeypatch.setattr(fourier, "_shortened", noted)
+def test_harmonics_are_counted(tmp_path):
     record, applied = simulated(DOUBLE, [-1.5, 0.3], 180, two_waves)
     fit = identify(record, started(DOUBLE, tmp_path, 2.0, **THICKNESS), IdentifySettings(torque="fourier"))
     assert fit.ok, fit.status
     assert (fit.mechanism.drive.table.shape[1] - 1) // 2 == 3
     assert misses(fit, record, applied).max() < 0.03
-    # each of the three harmonics stands out of its error: no series is fitted that lacks one of them
-    assert not [terms for terms in fitted if terms < 3]
 
 
 def test_a_guess_whose_linear_step_led_far_off_is_brought_back(driven, tmp_path):
@@ -94,8 +85,7 @@ def test_a_guess_whose_linear_step_led_far_off_is_brought_back(driven, tmp_path)
     brakes = periods.problem.unknowns.of_kind("damping")
     assert brakes.sum() == 2
     absurd = replace(guess, change=np.where(brakes, 300.0, guess.change))
-    problem, optimum = fourier._from_guess(start, task, periods, absurd, False)
-    assert optimum.complete
+    problem, optimum = fourier._in_pieces(start, task, periods, absurd)
     assert residual_rms(problem, optimum) < 1.3
 
 
@@ -196,15 +186,35 @@ def test_more_unknowns_than_samples_is_refused(driven, tmp_path):
     )
 
 
-def test_a_start_that_nothing_shows_is_no_obstacle(tmp_path):
-    """A cart out of sight: wherever it begins, the pole that is seen on it moves the same."""
-    record, _ = simulated(CART, [0.0, 0.4], 60, lambda time: 0.2 * wave(time) / np.array([0.04, np.inf]))
-    seen = np.tile([False, True], (60, 1))
-    hidden = replace(record, joint_seen=seen, seen=seen.all(axis=1))
-    mechanism = started(CART, tmp_path, 1.0)
-    task = task_of((hidden,), mechanism)
-    problem, route = posed(fourier.series(mechanism, 2, PERIOD), task.data), Route(60, 1e-4, ROUGH)
-    first = problem.started(problem.unknowns.x0, Pieces(np.array([0, 60]), np.array([0])), task.smoothed)
-    optimum = fit_pieces(problem, first.at(first.x, np.zeros_like(first.states)), route, ROUGH)
-    shorter = fourier.simpler_series(problem, optimum, route, divide=False)
-    assert fourier.series_of(*shorter)[0] == 1
+def test_of_series_that_explain_as_much_the_simplest_is_taken():
+    """A tenth of what an unknown must gain decides nothing; harmonics count before the period."""
+
+    def tried(terms, period, cost):
+        mechanism = load("double").with_torque("fourier", terms=terms, period=period)
+        problem = SimpleNamespace(
+            unknowns=range(10), data=SimpleNamespace(samples=300), mechanism_at=lambda _: mechanism
+        )
+        return problem, SimpleNamespace(cost=cost, sigma=1.0, x=None)
+
+    little = 0.05 * EVIDENCE
+    series = [tried(2, 1.0, 150.0 - little), tried(1, 2.0, 150.0 - little), tried(1, 1.0, 150.0)]
+    assert fourier._simplest(series) is series[2]
+    series[1] = tried(1, 2.0, 150.0 - 1.01 * EVIDENCE)
+    assert fourier._simplest(series) is series[1]
+
+
+@pytest.mark.slow
+def test_a_period_is_found_where_smoothing_hides_what_the_torque_does(tmp_path):
+    """A lively swing under a torque with two harmonics at the first joint, 200 rows at 30 a second."""
+
+    def push(time):
+        turn = 2 * np.pi * time / 1.25
+        return np.array([0.05 * np.sin(turn + 0.4) + 0.03 * np.sin(2 * turn + 1.0), 0.0])
+
+    record, _ = simulated(DOUBLE, [-0.4, 0.9], 200, push)
+    fit = identify(record, started(DOUBLE, tmp_path, 0.6, **THICKNESS), IdentifySettings(torque="fourier"))
+    assert fit.ok, fit.status
+    assert fit.parameter("torque.period").value == pytest.approx(1.25, rel=5e-3)
+    assert (fit.mechanism.drive.table.shape[1] - 1) // 2 == 2
+    for name, true in (("link1.length", 0.23), ("link2.length", 0.17)):
+        assert fit.parameter(name).value == pytest.approx(true, rel=0.02)

@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from monodyn.estimation.record.samples import prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.shooting import starts
 from monodyn.estimation.shooting.problem import posed
-from monodyn.estimation.torque.periods import PeriodSearch, guess_periods
+from monodyn.estimation.torque.periods import PeriodSearch
 from monodyn.mechanism import load
 from monodyn.types import Poses
 from support import slow
@@ -68,7 +69,8 @@ def test_the_period_of_a_rendered_clip(frames):
     record = white(("joint1", "joint2"), np.array(truth["times"])[:frames], position, NOISE)
     _, guesses = guessed(record, mechanism)
     assert guesses[0].period == pytest.approx(1 / 0.7, rel=5e-3)
-    assert guesses[0].terms == 1
+    # the motion has one harmonic; what it is compared with has two at least
+    assert guesses[0].terms == 2
 
 
 @pytest.mark.parametrize(("lower", "upper"), [(2.0, 2.5), (2.29, 2.295), (1.8, 2.2), (1e-3, 2.0)])
@@ -78,14 +80,15 @@ def test_periods_stay_within_bounds(lower, upper, driven, tmp_path):
     assert guesses
     assert all(lower <= guess.period <= upper for guess in guesses)
     if lower < PERIOD < upper:
-        assert guesses[0].period == pytest.approx(PERIOD, rel=0.01)
+        # the scan goes by a tenth of a turn over the record
+        assert abs(1 / guesses[0].period - 1 / PERIOD) < 0.05 / (driven[0].time[-1] - driven[0].time[0])
 
 
 def test_bounds_between_which_the_record_shows_nothing_give_no_period(driven, tmp_path):
     start = started(DOUBLE, tmp_path, 0.5, **THICKNESS)
     search = PeriodSearch.of(start, prepare(driven[:1], start), (smooth(driven[0]),))
     for bounds in ((1e-9, 1e-8), (1e7, 1e8)):
-        assert guess_periods(search.problem, search.x, search.motion, 0, bounds) == []
+        assert replace(search, bounds=bounds).guesses(0) == []
 
 
 def test_a_scale_at_which_no_torque_moves_anything_is_not_taken(driven, tmp_path, monkeypatch):

@@ -1,22 +1,24 @@
 """A periodic torque as a Fourier series (Case II), its period and number of harmonics found from the motion.
 
-Periods come ranked from the accelerations; each is fitted, and the series is made shorter or longer as the
-fit to the positions, which is more exact, requires.
+Accelerations say where to look for the period; each candidate is fitted to the positions of short pieces of
+the records, and the likeliest goes on to whole ones. The series is made shorter or longer as these require.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
+from monodyn.estimation.record.samples import cut, spread
 from monodyn.estimation.settings import USUAL_TERMS
 from monodyn.estimation.shooting.accelerations import SmoothMotion, model_accelerations, torque_response
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
-from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
+from monodyn.estimation.shooting.shoot import ROUGH, Optimum, Route, fit_pieces
 from monodyn.estimation.shooting.starts import match
-from monodyn.estimation.torque.evidence import likeliest, pays, with_more_unknowns
+from monodyn.estimation.torque.evidence import EVIDENCE, criteria, pays, with_more_unknowns
 from monodyn.estimation.torque.friction import near_proportions
 from monodyn.estimation.torque.periods import PeriodGuess, PeriodSearch
 from monodyn.estimation.torque.task import Task, TorqueSolution, frictionless
@@ -24,8 +26,10 @@ from monodyn.mechanism import Mechanism
 
 LEAST_SHARE = 0.01
 """Share of weight and inertia at a joint from which a periodic torque stands out."""
-BEYOND_DOUBT = 10.0
-"""A harmonic is not tried to be left out where that costs this many times what Schwarz's criterion allows."""
+MOST_PIECES = 50
+"""Pieces by which periods are compared; with more of them the same period wins."""
+CANDIDATE = replace(ROUGH, evaluations=20)
+"""For one of the candidates: the true period takes some ten evaluations."""
 NO_PERIOD = (
     "The period of the torque cannot be estimated: no period that the record shows more than once explains "
     "the motion better than friction alone. Give more frames, or the period with "
@@ -60,36 +64,63 @@ def fit_series(
     if not guesses:
         return TorqueSolution(least, None, reason=NO_PERIOD)
     route = task.search(periods.problem).route
-    tried = [_from_guess(mechanism, task, periods, guess, promising is not None) for guess in guesses]
-    problem, optimum = near_proportions(*tried[likeliest(tried)], task)
+    best = _simplest([_in_pieces(mechanism, task, periods, guess) for guess in guesses])
+    # of a multiple of the true period, and of a series with too many harmonics, the rest is idle
+    simpler = periods.simpler(*series_of(*best), settings.terms)
+    best = _simplest([best, *(_in_pieces(mechanism, task, periods, guess) for guess in simpler)])
+    # a longer period explains anything smooth: where one explains as much, nothing shows that the motion
+    # repeats; it is held, for the search would lead to the same period or a multiple of it
+    longer = periods.longer(*series_of(*best))
+    beyond = [_in_pieces(_held(mechanism, guess.period), task, periods, guess) for guess in longer]
+    if criteria([best, *beyond]).argmin() or not periods.shown(series_of(*best)[1]):
+        return TorqueSolution(least, None, reason=NO_PERIOD)
+    problem = posed(best[0].mechanism, task.data)
+    optimum = task.search(problem).from_start(best[1].x, give_up=promising is not None)
+    problem, optimum = near_proportions(problem, optimum, task)
     # harmonics more or fewer make no torque much larger, and none repeat that does not
     if promising and not (
         optimum.complete and stands_out(problem, optimum.x, periods.motion) and promising(problem, optimum)
     ):
         return TorqueSolution(problem, None, reason=NO_PERIOD)
     if settings.terms == 0:
-        # shorter first: of a multiple of the true period only a division drops the idle harmonics
-        shorter = simpler_series(problem, optimum, route, divide=clock.free)
-        problem, optimum = more_terms(*shorter, route)
+        problem, optimum = more_terms(problem, optimum, route)
     # what is promising was compared with friction already
     seen = promising is not None or periodic(problem, optimum, route)
     seen = seen and stands_out(problem, optimum.x, periods.motion)
+    seen = seen and periods.shown(series_of(problem, optimum)[1])
     if clock.free and not seen:
         return TorqueSolution(problem, None, reason=NO_PERIOD)
     doubt = () if seen else (no_harmonic(problem.mechanism_at(optimum.x)),)
     return TorqueSolution(problem, optimum, len(guesses), advice=doubt)
 
 
-def _from_guess(
-    mechanism: Mechanism, task: Task, periods: PeriodSearch, guess: PeriodGuess, give_up: bool
+def _in_pieces(
+    mechanism: Mechanism, task: Task, periods: PeriodSearch, guess: PeriodGuess
 ) -> tuple[Problem, Optimum]:
-    """Fit a series from one guess of the period."""
+    """Fit a series from one guess of the period to short pieces, the same of every guess.
+
+    A wrong period leaves many times the noise even there, where no motion is hard to follow.
+    """
     problem = posed(series(mechanism, guess.terms, guess.period), task.data)
     search = task.search(problem)
     # the guess is one linear step from the start, which may lead far off where the masses are far from the
     # true ones: the accelerations alone bring it back before anything is integrated
     start = match(problem, search.motion, periods.start(guess, problem))
-    return problem, search.from_start(start, give_up=give_up)
+    data, pieces = spread(task.data, cut(task.data, search.route.piece), MOST_PIECES)
+    few = problem.with_data(data)
+    return few, fit_pieces(few, few.started(start, pieces, task.smoothed), search.route, CANDIDATE)
+
+
+def _simplest(tried: list[tuple[Problem, Optimum]]) -> tuple[Problem, Optimum]:
+    """Return the one with the fewest harmonics, then the shortest period, of those that explain as much."""
+    values = criteria(tried)
+    alike = [one for one, value in zip(tried, values, strict=True) if not value > values.min() + EVIDENCE]
+    return min(alike, key=lambda one: series_of(*one))
+
+
+def _held(mechanism: Mechanism, period: float) -> Mechanism:
+    driven = mechanism.with_torque("fourier", terms=1, period=period)
+    return driven.with_choices(fix={"torque.period": period})
 
 
 def series(mechanism: Mechanism, terms: int, period: float) -> Mechanism:
@@ -118,80 +149,6 @@ def series_of(problem: Problem, optimum: Optimum) -> tuple[int, float]:
 def _terms(mechanism: Mechanism) -> int:
     """Number of harmonics: a series has its mean and two columns for each."""
     return (mechanism.drive.table.shape[1] - 1) // 2
-
-
-def simpler_series(problem: Problem, optimum: Optimum, route: Route, divide: bool) -> tuple[Problem, Optimum]:
-    """Take harmonics off a periodic torque, or divide its period, as long as the rest explains as much.
-
-    Args:
-        problem: The problem with a periodic torque.
-        optimum: Its optimum.
-        route: How exact the search is.
-        divide: Whether the period may be divided.
-
-    Returns:
-        The problem with the series that is best by Schwarz's criterion, and its optimum.
-    """
-    while True:
-        terms, period = series_of(problem, optimum)
-        shorter = [(terms - 1, period)] if terms > 1 else []
-        if divide:
-            shorter += [(terms // d, period / d) for d in range(2, terms + 1)]
-        shorter = [one for one in shorter if _dispensable(problem, optimum, *one)]
-        tried = [(problem, optimum)]
-        tried += [_shortened(problem, optimum, count, time, route) for count, time in shorter]
-        best = likeliest(tried)
-        problem, optimum = tried[best]
-        if best == 0:
-            return problem, optimum
-
-
-def _dispensable(problem: Problem, optimum: Optimum, terms: int, period: float) -> bool:
-    """Return whether a series may lack what a shorter one has not: not where that is nonzero beyond doubt.
-
-    With d the coefficients that fall away and C their covariance, the cost rises by d C^-1 d / 2 as long as
-    it is quadratic (Wald's test).
-    """
-    count, before = series_of(problem, optimum)
-    times = round(before / period)
-    kept = {k * times for k in range(1, terms + 1)}
-    entries = problem.mechanism.torques.entries_of(problem.unknowns.names)
-    gone = np.concatenate(
-        [entries[:, 2 * k - 1 : 2 * k + 1].ravel() for k in range(1, count + 1) if k not in kept]
-    )
-    gone = gone[gone >= 0]
-    if not len(gone) or not optimum.complete:
-        return True
-    trial = optimum.trial
-    model = problem.model(trial.x, problem.rows(trial), trial.pieces, 0.0)
-    # a start state of which a piece shows nothing takes nothing up either
-    solved = np.linalg.pinv(model.local_hessian, hermitian=True) @ np.swapaxes(model.cross, 1, 2)
-    information = model.hessian - np.einsum("bsl,blt->st", model.cross, solved)
-    covariance = np.linalg.pinv(information, hermitian=True)[np.ix_(gone, gone)]
-    lost = optimum.x[gone] @ np.linalg.lstsq(covariance, optimum.x[gone], rcond=None)[0]
-    noise = max(optimum.sigma, 1.0)
-    return bool(lost < BEYOND_DOUBT * noise**2 * len(gone) * np.log(problem.data.samples))
-
-
-def _shortened(
-    problem: Problem, optimum: Optimum, terms: int, period: float, route: Route
-) -> tuple[Problem, Optimum]:
-    """Fit a shorter series from an optimum; harmonics of a divided period take over their coefficients."""
-    _, before = series_of(problem, optimum)
-    # 1 when only harmonics are dropped
-    times = round(before / period)
-    shorter = problem.of(series(problem.mechanism, terms, period))
-    start = shorter.unknowns.carried(optimum.x, problem.unknowns)
-    if "torque.period" in shorter.unknowns.names:
-        start[shorter.unknowns.names.index("torque.period")] = np.log(period)
-    table = problem.mechanism_at(optimum.x).drive.table
-    entries = shorter.mechanism.torques.entries_of(shorter.unknowns.names)
-    # harmonic k of a period divided by d is harmonic d k of the whole one; columns are mean, cos1, sin1, ...
-    for k in range(1, terms + 1):
-        for part in (-1, 0):  # cosine and sine
-            new, old = entries[:, 2 * k + part], table[:, 2 * k * times + part]
-            start[new[new >= 0]] = old[new >= 0]
-    return shorter, fit_pieces(shorter, optimum.trial.at(start, optimum.trial.states), route, route.fine)
 
 
 def more_terms(problem: Problem, optimum: Optimum, route: Route) -> tuple[Problem, Optimum]:

@@ -1,14 +1,16 @@
-"""A periodic torque: its period and number of harmonics from accelerations, before anything is integrated.
+"""Candidates for the period of a torque, from accelerations, before anything is integrated.
 
 Along smooth motion the accelerations are linear in the torque, and nearly so in the other unknowns. So for
 every period and number of harmonics the best series is one linear least squares, in which the other unknowns
-may move as well; the remaining sum of squares ranks the periods.
+may move as well; the remaining sum of squares ranks the periods. What smoothing misses of a lively motion may
+be larger than what the torque explains: the ranks say where to look, and decide nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -25,7 +27,6 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.starts import least_driven
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.drive import fourier_basis
-from monodyn.optimize import golden_section
 
 FEWEST_PERIODS = 1.25
 """A record this many periods long shows that something repeats."""
@@ -39,12 +40,13 @@ SCANNED_TERMS = tuple(range(1, USUAL_TERMS + 1))
 """Harmonics that the scan tries when their number is open."""
 LONGEST_SPAN = 4.0
 """Periods up to this many times the record are compared with the best one that it shows more than once."""
-MARGIN = 10.0
-"""A longer period whose criterion is not above that of the best by so much might as well be the true one."""
-NEAR = 60.0
-"""Criterion above that of the best period of a scan up to which others are refined."""
 APART = 0.04
 """Periods nearer to each other than this share are one."""
+MOST_CANDIDATES = 8
+"""Periods that are fitted. In random records the true one was among the first five."""
+FEWEST_TERMS = 2
+"""Harmonics of a candidate at least: smoothing hides the second one, and a period twice as long would pass
+for the true one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,15 +104,80 @@ class PeriodSearch:
         return cls(problem, x, motion, bounds)
 
     def guesses(self, terms: int) -> list[PeriodGuess]:
-        """Rank the periods that are allowed, as `guess_periods` does.
+        """Return the periods at which a torque explains the accelerations better than at those around them.
 
         Args:
             terms: Number of harmonics; 0 lets the criterion choose.
 
         Returns:
-            Guesses, the best first.
+            Up to ``MOST_CANDIDATES`` guesses, the best first; none with under 8 rows that have all joints
+            measured. A known period is the only one.
+
+        Source:
+            Golub and Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems
+            whose variables separate, 1973; Schwarz, Estimating the dimension of a model, 1978.
         """
-        return guess_periods(self.problem, self.x, self.motion, terms, self.bounds)
+        if len(self.motion.time) < FEWEST_ROWS:
+            return []
+        # many harmonics make any long period fit: an open number is tried from few
+        counts = SCANNED_TERMS if terms == 0 else (terms,)
+        if self.bounds[0] == self.bounds[1]:
+            every = [self._scan.fit(self.bounds[0], count) for count in counts]
+            return sorted(every, key=lambda guess: guess.criterion)[:1]
+        periods, values = self._scan.criteria(counts, self.bounds)
+        least = values.min(axis=0, initial=np.inf)
+        # every local minimum of the scan is a candidate, also one at the end of the bounds
+        ends = np.concatenate(([np.inf], least, [np.inf]))
+        low = np.flatnonzero((least <= ends[:-2]) & (least < ends[2:]))
+        kept: list[PeriodGuess] = []
+        for i in low[np.argsort(least[low])]:
+            if all(abs(np.log(periods[i] / other.period)) > APART for other in kept):
+                allowed = [count for count, value in zip(counts, values[:, i], strict=True) if value < np.inf]
+                count = max(counts[int(np.argmin(values[:, i]))], min(FEWEST_TERMS, max(allowed)))
+                kept.append(self._scan.fit(float(periods[i]), count))
+        return kept[:MOST_CANDIDATES]
+
+    def simpler(self, terms: int, period: float, fixed: int) -> list[PeriodGuess]:
+        """Return series with fewer harmonics, or of a part of a period, that may be all there is to a series.
+
+        Args:
+            terms: Number of harmonics.
+            period: Period [s].
+            fixed: Number of harmonics that is given; 0 for none.
+        """
+        parts = range(1, terms + 1) if self.bounds[0] < self.bounds[1] else (1,)
+        every = [(part, count) for part in parts for count in range(1, terms // part + 1)]
+        every = [(part, fixed) for part in parts] if fixed else every
+        return [self._scan.fit(period / part, count) for part, count in every if (part, count) != (1, terms)]
+
+    def longer(self, terms: int, period: float) -> list[PeriodGuess]:
+        """Return the best of the periods that the record does not show, none where none is allowed.
+
+        A multiple of the given period, of which that one is a harmonic, is no other period.
+
+        Args:
+            terms: Number of harmonics.
+            period: Period [s] that it is compared with.
+        """
+        longest = self._scan.span / FEWEST_PERIODS
+        longer = longest * np.geomspace(1.0, LONGEST_SPAN * FEWEST_PERIODS, 40)[1:]
+        longer = longer[(self.bounds[0] < longer) & (longer < self.bounds[1])]
+        order = np.arange(1, terms + 1)[:, None]
+        other = longer[(np.abs(order / longer - 1.0 / period) > 0.5 / self._scan.span).all(axis=0)]
+        every = [self._scan.fit(float(one), terms) for one in other]
+        return sorted(every, key=lambda guess: guess.criterion)[:1]
+
+    def shown(self, period: float) -> bool:
+        """Return whether the record is long enough to show that something repeats.
+
+        Args:
+            period: Period [s].
+        """
+        return period <= self._scan.span / FEWEST_PERIODS or self.bounds[0] == self.bounds[1]
+
+    @cached_property
+    def _scan(self) -> _Scan:
+        return _Scan(self.problem, self.x, self.motion)
 
     def start(self, guess: PeriodGuess, driven: Problem) -> np.ndarray:
         """Bring a guess into the coordinates of a problem with a periodic torque.
@@ -128,59 +195,6 @@ class PeriodSearch:
         entries = driven.mechanism.torques.entries_of(driven.unknowns.names)[:, : guess.table.shape[1]]
         start[entries[entries >= 0]] = guess.table[entries >= 0]
         return start
-
-
-def guess_periods(
-    problem: Problem,
-    x: np.ndarray,
-    motion: SmoothMotion,
-    terms: int,
-    bounds: tuple[float, float] = (0.0, np.inf),
-    most: int = 3,
-) -> list[PeriodGuess]:
-    """Rank periods by how well a torque of that period explains the accelerations.
-
-    Args:
-        problem: The problem without the periodic torque.
-        x: Coordinates at which its accelerations are nearest, (param,).
-        motion: Smooth motion.
-        terms: Number of harmonics; 0 lets the criterion choose.
-        bounds: Least and greatest period [s]; equal where it is known.
-        most: How many to return at most.
-
-    Returns:
-        Guesses, the best first, only those that are better than no torque at all; empty where there is none,
-        or where a period that the record does not hold explains as much.
-        A known period always gives one where at least 8 rows have all joints measured.
-
-    Source:
-        Golub and Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
-        variables separate, 1973; Schwarz, Estimating the dimension of a model, 1978.
-    """
-    if len(motion.time) < FEWEST_ROWS:
-        return []
-    scan = _Scan(problem, x, motion)
-    # many harmonics make any long period fit: an open number is tried from few
-    counts = SCANNED_TERMS if terms == 0 else (terms,)
-    if bounds[0] == bounds[1]:
-        return sorted((scan.fit(bounds[0], count) for count in counts), key=lambda guess: guess.criterion)[:1]
-    found: list[PeriodGuess] = []
-    periods, values = scan.criteria(counts, bounds)
-    for count, row in zip(counts, values, strict=True):
-        # every local minimum of the scan is a candidate, also one at the end of the bounds
-        ends = np.concatenate(([np.inf], row, [np.inf]))
-        low = np.flatnonzero((row <= ends[:-2]) & (row < ends[2:]) & (row < scan.nothing))
-        # what is far above the best of the scan will not pass it by moving within a step
-        near = low[row[low] < float(values.min(initial=np.inf)) + NEAR]
-        found += [scan.refined(scan.fit(float(periods[i]), count), bounds) for i in near]
-    # the same period is found with several numbers of harmonics: the best of them stands for all
-    kept: list[PeriodGuess] = []
-    for guess in sorted(found, key=lambda guess: guess.criterion):
-        if all(abs(np.log(guess.period / other.period)) > APART for other in kept):
-            kept.append(guess)
-    if kept and scan.longer(kept[0], bounds) < kept[0].criterion + MARGIN:
-        return []
-    return kept[:most]
 
 
 class _Scan:
@@ -201,7 +215,6 @@ class _Scan:
         self.q, self.rows = q, rows
         self.left = rows - q @ (q.T @ rows)
         self.samples = max(motion.weight.size / CORRELATED, 4.0)
-        self.nothing = self._criterion(float(self.left @ self.left), 0)
 
     def criteria(self, counts: Sequence[int], bounds: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
         """Return the periods that the record can show [s], (period,), and their criteria by number of
@@ -232,53 +245,16 @@ class _Scan:
     def periods(self, counts: Sequence[int], bounds: tuple[float, float]) -> np.ndarray:
         """Return the periods that the record can show [s], evenly spaced in frequency, ends of bounds too."""
         # the longest period is one that the record shows more than once, the shortest one whose last harmonic
-        # still has samples enough between its zeros
+        # still has samples enough between its zeros; from one to the next that turns by a tenth at the end
         low, scanned, top = FEWEST_PERIODS / self.span, [], 0.0
         for count in sorted(counts, reverse=True):
             high = max(1.0 / (count * PER_HARMONIC * self.pace), low)
-            scanned.append(np.arange(max(low, top), high, self.step(count)))
+            scanned.append(np.arange(max(low, top), high, 0.1 / self.span / count))
             top = high
         periods = 1.0 / np.concatenate(scanned)
         ends = [end for end in bounds if 1.0 / top <= end <= 1.0 / low]
         inside = periods[(bounds[0] < periods) & (periods < bounds[1])]
         return np.sort(np.concatenate((inside, ends)))[::-1]
-
-    def longer(self, best: PeriodGuess, bounds: tuple[float, float]) -> float:
-        """Return the least criterion of periods that the record does not hold, inf where none is allowed.
-
-        A multiple of the best period, of which the best one is a harmonic, is no other period.
-        """
-        # periods that the record does not hold fit anything smooth: where one explains as much as the best,
-        # nothing shows that the motion repeats at all
-        span = self.span
-        beyond = span / FEWEST_PERIODS * np.geomspace(1.0, LONGEST_SPAN * FEWEST_PERIODS, 40)[1:]
-        least = float("inf")
-        for count in range(1, best.terms + 1):
-            harmonics = np.arange(2, count + 1)
-            for period in beyond[(bounds[0] <= beyond) & (beyond <= bounds[1])]:
-                if (np.abs(harmonics / period - 1.0 / best.period) > 0.5 / span).all():
-                    least = min(least, self.fit(period, count).criterion)
-        return least
-
-    def step(self, terms: int) -> float:
-        """Return the spacing of the scanned frequencies [Hz]: a tenth of a turn of the last harmonic."""
-        return 0.1 / self.span / terms
-
-    def refined(self, guess: PeriodGuess, bounds: tuple[float, float]) -> PeriodGuess:
-        """Move a period between its neighbours in the scan to where the criterion is least."""
-        # the criterion is smooth within a step of the scan, whose neighbours were both above this one
-        step = self.step(guess.terms)
-        ends = np.clip(
-            (1.0 / guess.period - step, 1.0 / guess.period + step),
-            1.0 / bounds[1],
-            1.0 / max(bounds[0], 1e-9),
-        )
-        best = golden_section(
-            lambda frequency: self.fit(1.0 / frequency, guess.terms).criterion,
-            (float(ends[0]), float(ends[1])),
-            0.01 * step,
-        )
-        return self.fit(1.0 / best.x, guess.terms)
 
     def fit(self, period: float, terms: int) -> PeriodGuess:
         """Fit a series of one period, the other unknowns free to move."""
