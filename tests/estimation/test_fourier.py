@@ -22,6 +22,7 @@ from driven import (
     wave,
 )  # fmt: skip
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.shoot import fit_pieces
 from monodyn.estimation.torque import fourier
 from monodyn.estimation.torque.evidence import EVIDENCE
 from monodyn.estimation.torque.free import residual_rms
@@ -192,15 +193,34 @@ def test_of_series_that_explain_as_much_the_simplest_is_taken():
     def tried(terms, period, cost):
         mechanism = load("double").with_torque("fourier", terms=terms, period=period)
         problem = SimpleNamespace(
-            unknowns=range(10), data=SimpleNamespace(samples=300), mechanism_at=lambda _: mechanism
+            unknowns=range(10),
+            data=SimpleNamespace(samples=300),
+            mechanism_at=lambda _: mechanism,
+            rows=lambda _: None,
+            model=lambda *_: SimpleNamespace(cost=cost),
         )
-        return problem, SimpleNamespace(cost=cost, sigma=1.0, x=None)
+        return problem, SimpleNamespace(sigma=1.0, x=None, trial=SimpleNamespace(pieces=None))
 
     little = 0.05 * EVIDENCE
     series = [tried(2, 1.0, 150.0 - little), tried(1, 2.0, 150.0 - little), tried(1, 1.0, 150.0)]
     assert fourier._simplest(series) is series[2]
     series[1] = tried(1, 2.0, 150.0 - 1.01 * EVIDENCE)
     assert fourier._simplest(series) is series[1]
+
+
+def test_fits_compare_wherever_they_began(driven, tmp_path):
+    """The loss has a limit in units of the typical residual, which is large far from the record."""
+    start = started(DOUBLE, tmp_path, 0.5, **MASSIVE)
+    task = task_of([driven[0]], start)
+    periods = PeriodSearch.of(start, task.data, task.smoothed)
+    problem, ended = fourier._in_pieces(start, task, periods, periods.guesses(1)[0])
+    route = replace(task.search(problem).route, share=0.0)
+    near = fit_pieces(problem, ended.trial, route, route.fine)
+    far = fit_pieces(problem, near.trial.at(near.x, near.trial.states + 0.05), route, route.fine)
+    # the very cost is larger by 4 % where there was no limit to speak of
+    assert far.cost > 1.02 * near.cost
+    one, other = fourier._criteria([(problem, near), (problem, far)])
+    assert other == pytest.approx(one, abs=0.1 * EVIDENCE)
 
 
 @pytest.mark.slow

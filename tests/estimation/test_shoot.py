@@ -60,17 +60,6 @@ def test_steps_are_as_exact_as_the_residuals_require(poses, double, truth):
     assert steps(truth, replace(rough, error_bound=1e-2)) == steps(truth, replace(exact, error_bound=1e-2))
 
 
-def test_the_cost_of_a_fit_does_not_depend_on_where_it_began(poses, double):
-    """The loss has a limit in units of the typical residual, which is large far from the record."""
-    problem, smoothed = posed(double, prepare([poses], double)), (smooth(poses),)
-    route = Route(10, 1e-6, SearchSettings(evaluations=60, decrease=1e-6, relative=1e-9))
-    begun = problem.started(problem.unknowns.x0, cut(problem.data, 30), smoothed)
-    near = fit_pieces(problem, fit_pieces(problem, begun, route, route.fine).trial, route, route.fine)
-    far = fit_pieces(problem, near.trial.at(near.x, near.trial.states + 0.02), route, route.fine)
-    # optima of two limits, whose own typical residuals differ a little; the loss takes off some 6 %
-    assert far.cost == pytest.approx(near.cost, rel=0.01)
-
-
 def test_rates_of_a_motion_are_the_slopes_of_its_positions(poses, truth):
     times = np.arange(200) / 1000.0
     fine = record(truth, times, motion(truth, times, [0.3, 0.5], [0.0, 1.0]))

@@ -193,7 +193,7 @@ def fit_pieces(
     start = _searched(start, substeps or _substeps(problem, start, route), 0.0 if exact else most_off(search))
     # the rows of the start give the typical residual, and are then those of the search's first evaluation
     sigma = typical(problem.rows(start)[0], problem.data.measured)
-    limit = _loss_limit(sigma, robust)
+    limit = 4.0 * max(1.0, sigma) if robust else 0.0
     unknowns = problem.unknowns
     lower, upper = np.where(held, start.x, unknowns.lower), np.where(held, start.x, unknowns.upper)
 
@@ -212,12 +212,11 @@ def fit_pieces(
     found = minimize_arrow(
         evaluate, start.x, start.states, (lower, upper), settings=search, reach=unknowns.reach, bend=bend
     )
-    residuals, jacobian, trial = found.model.kept
-    reached = typical(residuals, problem.data.measured)
-    # the loss depends on its limit: the costs of two fits compare where each has the limit of its own
-    # residuals, wherever it began
-    last = problem.model(trial.x, (residuals, jacobian), trial.pieces, _loss_limit(reached, robust))
-    ended = Optimum(trial, residuals, last.cost, reached, found.evaluations, found.converged, found.at_bound)
+    residuals, _, trial = found.model.kept
+    ended = Optimum(
+        trial, residuals, found.model.cost, typical(residuals, problem.data.measured), found.evaluations,
+        found.converged, found.at_bound,
+    )  # fmt: skip
     if found.status == STALLED and start.most_off > 0.0:
         # what the derivatives are off by is all that is left to gain
         nearby = replace(search, damping=NEAR_DAMPING)
@@ -231,11 +230,6 @@ def fit_pieces(
         again = fit_pieces(problem, ended.trial, route, search, robust=robust, held=held)
         return replace(again, evaluations=again.evaluations + ended.evaluations)
     return ended
-
-
-def _loss_limit(sigma: float, robust: bool) -> float:
-    """Return the residual from which on a sample's pull no longer grows; 0 for plain least squares."""
-    return 4.0 * max(1.0, sigma) if robust else 0.0
 
 
 def most_off(search: SearchSettings) -> float:

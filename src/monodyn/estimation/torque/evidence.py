@@ -137,28 +137,15 @@ def gains(before: Optimum, after: Optimum, added: int) -> bool:
 
 
 def likeliest(tried: list[tuple[Problem, Optimum]]) -> int:
-    """Choose by Schwarz's criterion among those that go through the whole of the records.
+    """Choose by Schwarz's criterion, which charges the logarithm of the number of samples for every unknown.
+
+    The noise is that of the optimum which follows best.
 
     Args:
         tried: Problems on the same data with their optima.
 
     Returns:
         Place of the best of them.
-    """
-    complete = [optimum.complete for _, optimum in tried]
-    return int(np.argmin(np.where(complete, criteria(tried), np.inf)))
-
-
-def criteria(tried: list[tuple[Problem, Optimum]]) -> np.ndarray:
-    """Return Schwarz's criterion, which charges the logarithm of the number of samples for every unknown.
-
-    The noise is that of the optimum which follows best.
-
-    Args:
-        tried: Problems on the same data with their optima, which may be of the same pieces.
-
-    Returns:
-        Twice the logarithm of how unlikely each is, up to what all share, (optimum,).
 
     Source:
         Schwarz, Estimating the dimension of a model, 1978.
@@ -166,12 +153,13 @@ def criteria(tried: list[tuple[Problem, Optimum]]) -> np.ndarray:
     noise = max(min(optimum.sigma for _, optimum in tried), 1.0)
     # with the noise as large as the best fit leaves it, a record that states too little noise does not
     # favour a fit that misses
-    return np.array(
-        [
-            2.0 * optimum.cost / noise**2 + len(problem.unknowns) * np.log(problem.data.samples)
-            for problem, optimum in tried
-        ]
-    )
+    criteria = [
+        2.0 * optimum.cost / noise**2 + len(problem.unknowns) * np.log(problem.data.samples)
+        if optimum.complete
+        else np.inf
+        for problem, optimum in tried
+    ]
+    return int(np.argmin(criteria))
 
 
 def with_more_unknowns(

@@ -18,7 +18,7 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
 from monodyn.estimation.shooting.shoot import ROUGH, Optimum, Route, fit_pieces
 from monodyn.estimation.shooting.starts import match
-from monodyn.estimation.torque.evidence import EVIDENCE, criteria, pays, with_more_unknowns
+from monodyn.estimation.torque.evidence import EVIDENCE, FARTHEST, pays, with_more_unknowns
 from monodyn.estimation.torque.friction import near_proportions
 from monodyn.estimation.torque.periods import PeriodGuess, PeriodSearch
 from monodyn.estimation.torque.task import Task, TorqueSolution, frictionless
@@ -72,7 +72,7 @@ def fit_series(
     # repeats; it is held, for the search would lead to the same period or a multiple of it
     longer = periods.longer(*series_of(*best))
     beyond = [_in_pieces(_held(mechanism, guess.period), task, periods, guess) for guess in longer]
-    if criteria([best, *beyond]).argmin() or not periods.shown(series_of(*best)[1]):
+    if _criteria([best, *beyond]).argmin() or not periods.shown(series_of(*best)[1]):
         return TorqueSolution(least, None, reason=NO_PERIOD)
     problem = posed(best[0].mechanism, task.data)
     optimum = task.search(problem).from_start(best[1].x, give_up=promising is not None)
@@ -113,9 +113,23 @@ def _in_pieces(
 
 def _simplest(tried: list[tuple[Problem, Optimum]]) -> tuple[Problem, Optimum]:
     """Return the one with the fewest harmonics, then the shortest period, of those that explain as much."""
-    values = criteria(tried)
+    values = _criteria(tried)
     alike = [one for one, value in zip(tried, values, strict=True) if not value > values.min() + EVIDENCE]
     return min(alike, key=lambda one: series_of(*one))
+
+
+def _criteria(tried: list[tuple[Problem, Optimum]]) -> np.ndarray:
+    """Return Schwarz's criterion of fits to the same pieces.
+
+    Each search took the limit of its loss from where it began; only with one limit do the costs compare.
+    """
+    noise = max(min(optimum.sigma for _, optimum in tried), 1.0)
+    costs = [
+        problem.model(one.x, problem.rows(one.trial), one.trial.pieces, FARTHEST * noise).cost
+        for problem, one in tried
+    ]
+    charges = [len(problem.unknowns) * np.log(problem.data.samples) for problem, _ in tried]
+    return 2.0 * np.array(costs) / noise**2 + charges
 
 
 def _held(mechanism: Mechanism, period: float) -> Mechanism:
