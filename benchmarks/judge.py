@@ -11,10 +11,9 @@ are the joints and the far end, of a ball on a thread its centre; outside of the
 frame shows a point when its row is exposed. The values are the lengths, the widths that are wide enough to be
 seen, and the camera's turns. What is true where it is not one number: of a thread that stretches any length
 that it has during the clip; where a pivot gives way that no picture shows, that of the thread, that to the
-point about which the ball swings, and any between; of a swing in an
-ellipse, whose plane turns, no yaw of the camera. A length is
-that in space, whatever the plane. Masses and frictions are not judged: the scale of masses is assumed, and
-what an imperfection adds to friction has no true value.
+point about which the ball swings, and any between; of a swing in an ellipse, whose plane turns, no yaw of the
+camera. A length is that in space, whatever the plane. Masses and frictions are not judged: the scale of
+masses is assumed, and what an imperfection adds to friction has no true value.
 """
 
 from __future__ import annotations

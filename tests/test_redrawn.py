@@ -106,8 +106,8 @@ def test_an_outline_over_bare_background_is_not_trusted(
     assert doubts[0].reason == (
         "The pictures show 7 px of bare background where the outline would be, 7% of its size of 100 px. A "
         "joint may give way, by which sizes come out wrong, or something stands before the mechanism and "
-        "looks like what is behind it: diagnosis.png shows where; hold what gives way, or give a length with "
-        "--fix."
+        "looks like what is behind it: diagnosis.png shows where; fasten what gives way, or give a length "
+        "with --fix."
     )
 
 

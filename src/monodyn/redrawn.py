@@ -89,8 +89,8 @@ def _beyond(px: float, size: float) -> str:
     return (
         f"The pictures show {px:.0f} px of bare background where the outline would be, {px / size:.0%} of "
         f"its size of {size:.0f} px. A joint may give way, by which sizes come out wrong, or something "
-        "stands before the mechanism and looks like what is behind it: diagnosis.png shows where; hold what "
-        "gives way, or give a length with --fix."
+        "stands before the mechanism and looks like what is behind it: diagnosis.png shows where; fasten "
+        "what gives way, or give a length with --fix."
     )
 
 

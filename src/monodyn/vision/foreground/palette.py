@@ -166,10 +166,11 @@ def measured_palette(palette: Palette, background: Background, measured: masks.G
 
 
 def with_wall(background: Background, colours: np.ndarray, *, grey_only: bool) -> Background:
-    """Return a background that is known, too, where an outline lay all the time but the wall around it shows.
+    """Return a background that is known, too, where an outline covered a pixel in all frames.
 
-    What an outline covers in every frame would stay unknown, and nothing could speak against an outline that
-    reaches too far.
+    Taken for unknown there, it could never show that an outline reaches too far. A pixel that looks like the
+    wall around it shows the wall; behind one that looks like the mechanism the wall is filled in from around.
+    One that looks like neither stays unknown: something may stand before the mechanism.
 
     Args:
         background: The background.

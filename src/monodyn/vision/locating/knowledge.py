@@ -20,8 +20,9 @@ STEP = 1e-6
 THREAD_PX = 3.0
 """Width below which what holds a ball is a thread and not a rod [px]."""
 STRETCHES = 0.015
-"""Standard deviation of the logarithm of a thread's length as the way of its ball shows it: cotton stretches
-by half a per cent under its ball, most where this moves fastest, which bends the way three times as much."""
+"""Standard deviation of the logarithm of a thread's length as the path of its ball shows it. Cotton stretches
+by half a per cent under its ball, and most at the lowest point, where it is pulled most: the radius of the
+path changes by three times as much."""
 LOADED = 0.02
 """Share of a direction that is not seen from which on a place is part of it."""
 
@@ -204,8 +205,8 @@ def covariance_of(information: np.ndarray, sizes: np.ndarray, *, scale_free: boo
 
 
 def shifted_turn(bundle: Bundle, name: str) -> float:
-    """Return the turn of the camera that edges which are shifted in all frames look like, or that frames look
-    like which show the whole mechanism elsewhere [rad].
+    """Return the turn of the camera that looks like edges shifted alike in all frames, or like a mechanism
+    that sways as a whole between them [rad].
 
     Args:
         bundle: A refined bundle.
