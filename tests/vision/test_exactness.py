@@ -14,7 +14,7 @@ from monodyn.vision.drawing.halfway import half_ways
 from monodyn.vision.drawing.probe import AT_X, AT_Y, AWAY, BORDER, INNER, NORMAL_X, SAMPLE_COLUMNS
 from monodyn.vision.foreground.masks import plain_view
 from monodyn.vision.locating.bundle import NOISE_PX, SYSTEMATIC_PX, Bundle, KeyMasks, refine
-from monodyn.vision.locating.exactness import Exactness, exactness_of
+from monodyn.vision.locating.exactness import TAKEN_UP, Exactness, exactness_of
 from monodyn.vision.locating.knowledge import size_information
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.variables import scene_variables
@@ -102,6 +102,17 @@ def test_what_is_known_follows_the_noise_and_ends_at_what_is_systematic() -> Non
     at = sharp.names.index("link2.width")
     px = bundle.mechanism.values["link2.width"] * bundle.camera.focal / bundle.camera.depth
     assert 1.0 / np.sqrt(sharp.information[at, at]) == pytest.approx(0.1 / px, rel=1e-3)
+
+
+def test_masks_that_sway_as_a_whole_are_part_of_what_is_not_known() -> None:
+    """Every second mask shows the mechanism 2 px to the right: no pose, size or camera follows that."""
+    masks, bundle = pair()
+    assert exactness_of(masks, bundle, np.arange(8)).sway_px < 0.3
+    moved = [np.roll(plane, 2 * (k % 2), axis=-1) for k, plane in enumerate(masks.planes)]
+    exact = exactness_of(replace(masks, planes=moved), bundle, np.arange(8))
+    # 1 px to either side of their mean
+    assert exact.sway_px == pytest.approx(TAKEN_UP * 1.0, rel=0.2)
+    assert exact.of(bundle).sway_px == exact.sway_px
 
 
 def test_what_is_assumed_of_the_camera_is_not_noise() -> None:

@@ -13,6 +13,7 @@ from monodyn.types import Camera
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
 from monodyn.vision.locating.knowledge import (
+    STRETCHES,
     camera_std,
     covariance_of,
     hidden_places,
@@ -85,6 +86,23 @@ def test_what_holds_a_ball_is_a_thread_or_a_rod() -> None:
     assert thread_lengths(bob.with_values({"link1.width": 2.0 * px}), CAMERA) == ["link1.length"]
     assert thread_lengths(bob.with_values({"link1.width": 4.0 * px}), CAMERA) == []
     assert thread_lengths(load("double"), CAMERA) == []
+
+
+def test_the_length_of_a_thread_is_no_better_known_than_threads_stretch() -> None:
+    mechanism = load("bob").with_values({"link1.width": 2.0 * CAMERA.depth / CAMERA.focal})
+    names = ["link1.length", "link1.sphere.width", "camera.depth"]
+    variables = scene_variables(mechanism, names)
+    # next to nothing is open but how far threads stretch
+    known = SimpleNamespace(
+        mechanism=mechanism, camera=CAMERA, variables=variables, information=1e12 * np.eye(3),
+        systematic_px=1e-9, alternatives=(), unsettled=np.zeros(0),
+    )  # fmt: skip
+    measured = size_information(known, scale_free=False)
+    std = 1.0 / np.sqrt(np.diag(measured.information))
+    assert dict(zip(measured.names, std.tolist(), strict=True)) == {
+        "link1.length": pytest.approx(STRETCHES, rel=1e-4),
+        "link1.sphere.width": pytest.approx(1e-6, rel=1e-4),
+    }
 
 
 def hammer(folder: Path, *, length: float, head: float, aside: float, short: float = 0.03) -> Mechanism:
