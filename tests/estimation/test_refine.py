@@ -134,7 +134,7 @@ def test_what_needs_more_integration_steps_is_fitted_with_them(poses, truth, mon
         asked.append(trial.substeps)
         return ((1 if len(asked) > 1 else 2) * trial.substeps, 1e-5)
 
-    monkeypatch.setattr("monodyn.estimation.verdict.refine.choose_substeps", needed)
+    monkeypatch.setattr("monodyn.estimation.shooting.shoot.choose_substeps", needed)
     assert identify(poses, truth, IdentifySettings(starts=1)).ok
     assert asked[1] == 2 * asked[0]
 
