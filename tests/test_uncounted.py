@@ -59,8 +59,7 @@ def is_number(module: str, part: ast.expr) -> bool:
 
 
 def given_away(module: str, kernel: ast.FunctionDef) -> list[str]:
-    """Return what a kernel of a module returns that may hold an array: an argument, a part of one, or what has
-    fields."""
+    """Return what a kernel returns that may hold an array: an argument, a part of one, or what has fields."""
     named = {argument.arg for argument in kernel.args.args}
     numbers = {
         a.arg for a in kernel.args.args if a.annotation and ast.unparse(a.annotation) in ("float", "int")
