@@ -19,6 +19,7 @@ from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.record.units import wrong_units
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.shoot import limited
 from monodyn.estimation.torque.auto import fit_auto
 from monodyn.estimation.torque.fourier import fit_series
 from monodyn.estimation.torque.free import fit_free_torques
@@ -46,8 +47,20 @@ TORQUE_MODELS = {
     "known": fit_known,
 }
 """How a motion is explained, by torque model; where torques are known that is the one."""
+TORQUE_STEPS, REASON_STEPS = 2e6, 1e6
+"""Integration steps that all searches together may take for what acts, and for the reason where nothing
+explains the motion; of more than ``USUAL_ROWS`` in proportion. About 20 s and 7 s of a processor; series of
+five harmonics that are found take up to 1.2e6, a further link 0.7e6."""
+USUAL_ROWS = 1000
+"""Rows up to which they do not depend on the rows."""
 SHORTEST_BEGINNING = 20
 """Rows of the shortest beginning that is tried when the whole record does not fit."""
+CUT_SHORT = (
+    "The search for what acts ended before every kind of torque and every start had been followed to its "
+    "end: nothing until then came near the record. --identify.torque names the kind to search for without "
+    "this limit."
+)
+"""What is said where the budget was spent on a motion that nothing explains."""
 
 
 def identify_jointly(
@@ -80,11 +93,12 @@ def identify_jointly(
     settings = replace(settings, torque="friction", uncertainty="linear")
     # a misfit is looked into; what else a fit is doubted for has its reason
     lacks = fit.unmodelled is not None or not fit.ok
-    cause, named = lacking(records, mechanism, settings, fit, progress) if lacks else ("", False)
-    if fit.ok:
-        # what can be used at least approximately is no other mechanism
-        return replace(fit, advice=(cause, *fit.advice)) if named else fit
-    reason = () if named else _beginning(records, mechanism, settings, progress)
+    with limited(REASON_STEPS * _size(records)):
+        cause, named = lacking(records, mechanism, settings, fit, progress) if lacks else ("", False)
+        if fit.ok:
+            # what can be used at least approximately is no other mechanism
+            return replace(fit, advice=(cause, *fit.advice)) if named else fit
+        reason = () if named else _beginning(records, mechanism, settings, progress)
     # a beginning that fits says more than what does not explain the rest
     return replace(fit, advice=(*reason, *([cause] if cause else []), *fit.advice))
 
@@ -98,8 +112,16 @@ def _identified(
     smoothed = tuple(smooth(ordered(record, mechanism)) for record in records)
     model = "known" if data.torques else settings.torque
     task = Task(data, smoothed, settings, progress, partial(explained_otherwise, settings), records)
-    solution = fit_many(TORQUE_MODELS[model], mechanism, task)
-    return summarize(solution, records, settings, began, progress)
+    # a torque that the user names is searched to the end
+    with limited(TORQUE_STEPS * _size(records) if model == "auto" else np.inf) as budget:
+        solution = fit_many(TORQUE_MODELS[model], mechanism, task)
+    fit = summarize(solution, records, settings, began, progress)
+    return replace(fit, advice=(*fit.advice, CUT_SHORT)) if budget.spent and not fit.ok else fit
+
+
+def _size(records: tuple[Poses, ...]) -> float:
+    """Return the rows of records over the usual number, at least one."""
+    return max(1.0, sum(len(record) for record in records) / USUAL_ROWS)
 
 
 def _beginning(

@@ -7,7 +7,9 @@ carries the parameters, ever better known, to one rollout a record.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,6 +39,61 @@ MOST_RUNS = 24
 """Pieces by which the integration steps are chosen."""
 ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
 """For stages whose result is only a start: chi-square within 1 %."""
+
+
+FIXED_STEPS = 300
+"""Work of an evaluation beside its integration, in integration steps: with less a short record, whose
+evaluations cost about the same whatever its rows, would be searched for minutes."""
+
+
+@dataclass
+class Budget:
+    """What searches may evaluate together; once it is spent each of them ends where it stands.
+
+    Attributes:
+        remaining: Integration steps that are left; never a time, so that the same run ends the same anywhere.
+    """
+
+    remaining: float
+
+    @property
+    def spent(self) -> bool:
+        """Whether nothing is left of it."""
+        return self.remaining <= 0.0
+
+    def within(self, search: SearchSettings, steps: int) -> SearchSettings:
+        """Return when a search ends whose evaluations take so many steps each."""
+        most = min(float(search.evaluations), max(self.remaining / (FIXED_STEPS + steps), 1.0))
+        return replace(search, evaluations=int(most))
+
+    def charge(self, evaluations: int, steps: int) -> None:
+        """Take off what was evaluated."""
+        self.remaining -= evaluations * (FIXED_STEPS + steps)
+
+
+_BUDGET: ContextVar[Budget] = ContextVar("budget")
+_UNLIMITED = Budget(np.inf)
+
+
+@contextmanager
+def limited(steps: float) -> Iterator[Budget]:
+    """Limit what all searches inside may evaluate together.
+
+    Args:
+        steps: Integration steps.
+
+    Yields:
+        The budget; where there was one outside, that one counts as well.
+    """
+    outside = _BUDGET.get(_UNLIMITED)
+    budget = Budget(min(steps, outside.remaining))
+    before = budget.remaining
+    token = _BUDGET.set(budget)
+    try:
+        yield budget
+    finally:
+        _BUDGET.reset(token)
+        outside.remaining -= before - budget.remaining
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +251,8 @@ def fit_pieces(
     # the rows of the start give the typical residual, and are then those of the search's first evaluation
     sigma = typical(problem.rows(start)[0], problem.data.measured)
     limit = 4.0 * max(1.0, sigma) if robust else 0.0
-    unknowns = problem.unknowns
+    unknowns, budget = problem.unknowns, _BUDGET.get(_UNLIMITED)
+    steps = int(start.pieces.first[-1]) * start.substeps
     lower, upper = np.where(held, start.x, unknowns.lower), np.where(held, start.x, unknowns.upper)
 
     def evaluate(at: np.ndarray, local: np.ndarray) -> Arrow:
@@ -210,8 +268,10 @@ def fit_pieces(
 
     # the start states are eliminated piece by piece, so that a step costs no more for many pieces
     found = minimize_arrow(
-        evaluate, start.x, start.states, (lower, upper), settings=search, reach=unknowns.reach, bend=bend
-    )
+        evaluate, start.x, start.states, (lower, upper), settings=budget.within(search, steps),
+        reach=unknowns.reach, bend=bend,
+    )  # fmt: skip
+    budget.charge(found.evaluations, steps)
     residuals, _, trial = found.model.kept
     ended = Optimum(
         trial, residuals, found.model.cost, typical(residuals, problem.data.measured), found.evaluations,
