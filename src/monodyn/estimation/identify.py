@@ -47,10 +47,10 @@ TORQUE_MODELS = {
     "known": fit_known,
 }
 """How a motion is explained, by torque model; where torques are known that is the one."""
-TORQUE_STEPS, REASON_STEPS = 2e6, 1e6
-"""Integration steps that all searches together may take for what acts, and for the reason where nothing
-explains the motion; of more than ``USUAL_ROWS`` in proportion. About 20 s and 7 s of a processor; series of
-five harmonics that are found take up to 1.2e6, a further link 0.7e6."""
+TORQUE_WORK, REASON_WORK = 40e6, 15e6
+"""Work that all searches together may take for what acts, and for the reason where nothing explains the motion,
+as a ``Budget`` counts it; of more than ``USUAL_ROWS`` in proportion. What was found in made and real records
+took up to 27 and 11 million."""
 USUAL_ROWS = 1000
 """Rows up to which they do not depend on the rows."""
 SHORTEST_BEGINNING = 20
@@ -93,7 +93,7 @@ def identify_jointly(
     settings = replace(settings, torque="friction", uncertainty="linear")
     # a misfit is looked into; what else a fit is doubted for has its reason
     lacks = fit.unmodelled is not None or not fit.ok
-    with limited(REASON_STEPS * _size(records)):
+    with limited(REASON_WORK * _size(records)):
         cause, named = lacking(records, mechanism, settings, fit, progress) if lacks else ("", False)
         if fit.ok:
             # what can be used at least approximately is no other mechanism
@@ -113,7 +113,7 @@ def _identified(
     model = "known" if data.torques else settings.torque
     task = Task(data, smoothed, settings, progress, partial(explained_otherwise, settings), records)
     # a torque that the user names is searched to the end
-    with limited(TORQUE_STEPS * _size(records) if model == "auto" else np.inf) as budget:
+    with limited(TORQUE_WORK * _size(records) if model == "auto" else np.inf) as budget:
         solution = fit_many(TORQUE_MODELS[model], mechanism, task)
     fit = summarize(solution, records, settings, began, progress)
     return replace(fit, advice=(*fit.advice, CUT_SHORT)) if budget.spent and not fit.ok else fit

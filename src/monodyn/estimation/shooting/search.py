@@ -72,7 +72,7 @@ class Search:
 
         Args:
             first: The start to begin with.
-            give_up: Where every start was given up, stay with the pieces of the best of them.
+            give_up: Give a start up after any stage, and stay with the pieces of the best where all were.
 
         Returns:
             The best optimum and the number of starts up to the last that was tried.
@@ -86,8 +86,9 @@ class Search:
         def ending(start: tuple[np.ndarray, shoot.Route]) -> shoot.Optimum:
             endings.append(
                 shoot.multiple_shooting(
-                    self.problem, start[0], self._smoothed, start[1], self.report, self._hopeless
-                )
+                    self.problem, start[0], self._smoothed, start[1], self.report, self.hopeless,
+                    patient=not give_up,
+                )  # fmt: skip
             )
             return endings[-1]
 
@@ -121,10 +122,12 @@ class Search:
 
         Args:
             x: Coordinates of the start, (param,).
-            give_up: Stay with the first pieces where these cannot be followed.
+            give_up: Stay with the pieces of a stage where these cannot be followed.
         """
-        hopeless = self._hopeless if give_up else None
-        return shoot.multiple_shooting(self.problem, x, self._smoothed, self.route, self.report, hopeless)
+        hopeless = self.hopeless if give_up else None
+        return shoot.multiple_shooting(
+            self.problem, x, self._smoothed, self.route, self.report, hopeless, patient=False
+        )
 
     def explained(self, optimum: shoot.Optimum) -> bool:
         """Return whether the motion follows the record, within its noise or nearly.
@@ -156,13 +159,16 @@ class Search:
         if self._progress is not None:
             self._progress("identify", self._done, None)
 
-    def _relative_difference(self, optimum: shoot.Optimum) -> float:
-        return shoot.relative_difference(self.problem, optimum.trial)
+    def hopeless(self, optimum: shoot.Optimum) -> bool:
+        """Return whether short pieces are not even followed, which any motion is that the model has.
 
-    def _hopeless(self, optimum: shoot.Optimum) -> bool:
+        Args:
+            optimum: Their fit.
+        """
         if not np.isfinite(optimum.cost):
             return True
-        return optimum.sigma > HOPELESS_NOISE and self._relative_difference(optimum) > HOPELESS_SHARE
+        difference = shoot.relative_difference(self.problem, optimum.trial)
+        return optimum.sigma > HOPELESS_NOISE and difference > HOPELESS_SHARE
 
 
 def _speed(data: Data, smoothed: tuple[Smoothed, ...]) -> np.ndarray:

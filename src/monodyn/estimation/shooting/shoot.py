@@ -41,9 +41,9 @@ ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
 """For stages whose result is only a start: chi-square within 1 %."""
 
 
-FIXED_STEPS = 300
-"""Work of an evaluation beside its integration, in integration steps: with less a short record, whose
-evaluations cost about the same whatever its rows, would be searched for minutes."""
+FIXED_WORK = 3000
+"""Work of an evaluation beside its integration: without it a short record, whose evaluations cost about the
+same whatever its rows, would be searched for minutes."""
 
 
 @dataclass
@@ -51,7 +51,8 @@ class Budget:
     """What searches may evaluate together; once it is spent each of them ends where it stands.
 
     Attributes:
-        remaining: Integration steps that are left; never a time, so that the same run ends the same anywhere.
+        remaining: Work that is left, integration steps times the directions in which each is differentiated;
+            never a time, so that the same run ends the same anywhere.
     """
 
     remaining: float
@@ -61,14 +62,9 @@ class Budget:
         """Whether nothing is left of it."""
         return self.remaining <= 0.0
 
-    def within(self, search: SearchSettings, steps: int) -> SearchSettings:
-        """Return when a search ends whose evaluations take so many steps each."""
-        most = min(float(search.evaluations), max(self.remaining / (FIXED_STEPS + steps), 1.0))
-        return replace(search, evaluations=int(most))
-
-    def charge(self, evaluations: int, steps: int) -> None:
-        """Take off what was evaluated."""
-        self.remaining -= evaluations * (FIXED_STEPS + steps)
+    def within(self, search: SearchSettings, work: int) -> SearchSettings:
+        """Return when a search ends whose evaluations take so much work each."""
+        return replace(search, evaluations=int(min(search.evaluations, max(self.remaining / work, 1.0))))
 
 
 _BUDGET: ContextVar[Budget] = ContextVar("budget")
@@ -76,17 +72,17 @@ _UNLIMITED = Budget(np.inf)
 
 
 @contextmanager
-def limited(steps: float) -> Iterator[Budget]:
+def limited(work: float) -> Iterator[Budget]:
     """Limit what all searches inside may evaluate together.
 
     Args:
-        steps: Integration steps.
+        work: As a budget counts it.
 
     Yields:
         The budget; where there was one outside, that one counts as well.
     """
     outside = _BUDGET.get(_UNLIMITED)
-    budget = Budget(min(steps, outside.remaining))
+    budget = Budget(min(work, outside.remaining))
     before = budget.remaining
     token = _BUDGET.set(budget)
     try:
@@ -155,6 +151,8 @@ def multiple_shooting(
     route: Route,
     progress: Callable[[Optimum], None] | None = None,
     hopeless: Callable[[Optimum], bool] | None = None,
+    *,
+    patient: bool = True,
 ) -> Optimum:
     """Fit pieces of the records, then longer ones, until one rollout goes through each record.
 
@@ -165,9 +163,10 @@ def multiple_shooting(
         route: How to search.
         progress: Called with the result of each stage.
         hopeless: Called with the result of the first stage; when it returns True the route ends there.
+        patient: Do not ask again after the stages between the first and the last.
 
     Returns:
-        The fit of one piece a record, or of the first pieces when they are hopeless; its ``cost`` is infinite
+        The fit of one piece a record, or of the pieces that are hopeless; its ``cost`` is infinite
         where a stage could not be evaluated.
 
     Source:
@@ -183,10 +182,10 @@ def multiple_shooting(
         evaluations += stage.evaluations
         if progress is not None:
             progress(stage)
-        if hopeless is not None and hopeless(stage):
-            return replace(stage, evaluations=evaluations)
-        hopeless = None
         trial = stage.trial
+        if hopeless is not None and not trial.pieces.whole and hopeless(stage):
+            return replace(stage, evaluations=evaluations)
+        hopeless = None if patient else hopeless
         if not np.isfinite(stage.cost) or trial.pieces.whole:
             break
         trial = _joined(problem, trial)
@@ -252,7 +251,8 @@ def fit_pieces(
     sigma = typical(problem.rows(start)[0], problem.data.measured)
     limit = 4.0 * max(1.0, sigma) if robust else 0.0
     unknowns, budget = problem.unknowns, _BUDGET.get(_UNLIMITED)
-    steps = int(start.pieces.first[-1]) * start.substeps
+    directions = start.states.shape[1] + np.count_nonzero(~np.broadcast_to(held, start.x.shape))
+    work = FIXED_WORK + int(start.pieces.first[-1]) * start.substeps * int(directions)
     lower, upper = np.where(held, start.x, unknowns.lower), np.where(held, start.x, unknowns.upper)
 
     def evaluate(at: np.ndarray, local: np.ndarray) -> Arrow:
@@ -268,10 +268,10 @@ def fit_pieces(
 
     # the start states are eliminated piece by piece, so that a step costs no more for many pieces
     found = minimize_arrow(
-        evaluate, start.x, start.states, (lower, upper), settings=budget.within(search, steps),
+        evaluate, start.x, start.states, (lower, upper), settings=budget.within(search, work),
         reach=unknowns.reach, bend=bend,
     )  # fmt: skip
-    budget.charge(found.evaluations, steps)
+    budget.remaining -= found.evaluations * work
     residuals, _, trial = found.model.kept
     ended = Optimum(
         trial, residuals, found.model.cost, typical(residuals, problem.data.measured), found.evaluations,

@@ -58,7 +58,7 @@ def swing_of(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> Swing | N
 
     Returns:
         The swing; None where the mechanism does not hang on a single hinge, does not feel gravity, has no
-        finite accelerations, or where the record is too short.
+        finite accelerations, where the record is too short, or where no swing explains any of them.
 
     Source:
         Golub and Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
@@ -88,7 +88,7 @@ def swing_of(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> Swing | N
             # a push to the left is an acceleration to the right, which is against the place
             cosine, sine = -size / rate**2
             best = Swing(rate, float(cosine), float(sine), float(left @ left))
-    return best
+    return best if best is not None and best.left < rest @ rest else None
 
 
 def _pushed(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> np.ndarray | None:

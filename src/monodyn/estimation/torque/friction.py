@@ -142,12 +142,11 @@ def _with_frictions(problem: Problem, optimum: Optimum, task: Task) -> tuple[Pro
     ]
     if not names or not optimum.complete:
         return problem, optimum
-    near, found = _from_there(problem, optimum, names, task)
-    if task.search(near).explained(found) or not far_off(near, found):
-        return near, found
+    if not far_off(problem, optimum):
+        return _from_there(problem, optimum, names, task)
     # a motion that dry friction has brought to rest is so far from every damped one that no step leads there
-    far, other = _from_the_start(problem, names, task)
-    return (far, other) if pays(found, other, len(names)) else (near, found)
+    larger, found = _from_the_start(problem, names, task)
+    return (larger, found) if pays(optimum, found, len(names)) else (problem, optimum)
 
 
 def _from_there(problem: Problem, optimum: Optimum, names: list[str], task: Task) -> tuple[Problem, Optimum]:
@@ -195,16 +194,14 @@ def _with_leads(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem
     if not names:
         return problem, optimum
     larger, search = problem.of(led(problem.mechanism, names)), task.search(problem)
-    # in pieces, for a motion in which friction turns earlier soon leaves the one before; where they show no
-    # lead neither does the whole
-    pieces, x = (
-        cut(problem.data, PIECES * search.route.piece),
-        larger.unknowns.carried(optimum.x, problem.unknowns),
-    )
-    before, after = (
-        fit_pieces(one, one.started(at, pieces, task.smoothed), search.route, ROUGH)
-        for one, at in ((problem, optimum.x), (larger, x))
-    )
+    # in pieces, for a motion in which friction turns earlier soon leaves the one before; where they cannot be
+    # followed a lead is not the reason, and where they show none neither does the whole
+    pieces = cut(problem.data, PIECES * search.route.piece)
+    before = fit_pieces(problem, problem.started(optimum.x, pieces, task.smoothed), search.route, ROUGH)
+    if search.hopeless(before):
+        return problem, optimum
+    x = larger.unknowns.carried(before.x, problem.unknowns)
+    after = fit_pieces(larger, larger.started(x, pieces, task.smoothed), search.route, ROUGH)
     if not gains(before, after, 1):
         return problem, optimum
     found = multiple_shooting(larger, after.x, task.smoothed, search.route, search.report)
