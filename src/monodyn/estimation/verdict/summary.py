@@ -77,18 +77,18 @@ def summarize(
         status = UNSTARTED
         return replace(refused(problem, status, records, time.perf_counter() - began), advice=solution.advice)
     found = refine(problem, optimum, settings)
+    missed = trust.verdict(found.problem, found.optimum, rms_of(found.problem, found.optimum), found.noise)
+    # a motion that is refused is that of another mechanism: neither intervals nor twins are any use
+    lost = missed is not None and missed.grade == "refused"
     fit = fit_of(
         found.problem, found.optimum, found.known, records, freedom=found.freedom, began=began,
-        drawn=posterior(found),
+        drawn=None if lost else posterior(found),
     )  # fmt: skip
     by_noise, hardly = fit, None
-    if settings.uncertainty != "linear":
+    if settings.uncertainty != "linear" and not lost:
         quantile = half_width(found.freedom)
         parameters, hardly = refitted(found, fit.parameters, quantile, settings, progress)
         fit = replace(fit, parameters=parameters, seconds=time.perf_counter() - began)
-    missed = trust.verdict(found.problem, found.optimum, fit.rms, found.noise)
-    # a motion that is refused is that of another mechanism: neither intervals nor twins are any use
-    lost = missed is not None and missed.grade == "refused"
     if lost and found.common is not None:
         # nor does it tell anything of the camera
         unshifted = problem.with_data(replace(problem.data, shifts=None))
@@ -291,10 +291,7 @@ def fit_of(
         The fit, with an empty status.
     """
     data, mechanism, unknowns = problem.data, problem.mechanism_at(optimum.x), problem.unknowns
-    # residuals are given in metres of the identified scale, as the user reads them
-    unit = np.where(data.slide, problem.size(optimum.x), 1.0)
-    difference = problem.differences(optimum.trial) * data.by_row(unit)
-    rms = np.sqrt(np.nanmean(difference**2, axis=0)).tolist()
+    difference = _differences(problem, optimum)
     tied = zip(unknowns.tied, unknowns.tied_to, strict=True)
     covariance = _natural(problem, optimum, known)
     return Fit(
@@ -308,7 +305,7 @@ def fit_of(
         tied=tuple((name, unknowns.names[i]) for name, i in tied),
         covariance=covariance,
         residual=_by_record(data, difference, records),
-        rms=dict(zip((joint.name for joint in mechanism.joints), rms, strict=True)),
+        rms=rms_of(problem, optimum),
         scale=problem.size(optimum.x),
         torque=mechanism.torque,
         time=tuple(record.time for record in records),
@@ -316,6 +313,23 @@ def fit_of(
         seconds=time.perf_counter() - began,
         torques=tuple(torque.log for torque in data.torques),
     )
+
+
+def rms_of(problem: Problem, optimum: Optimum) -> dict[str, float]:
+    """Return the root mean square of the residual by joint [rad or m].
+
+    Args:
+        problem: The problem.
+        optimum: The optimum, one piece a record.
+    """
+    rms = np.sqrt(np.nanmean(_differences(problem, optimum) ** 2, axis=0)).tolist()
+    return dict(zip((joint.name for joint in problem.mechanism.joints), rms, strict=True))
+
+
+def _differences(problem: Problem, optimum: Optimum) -> np.ndarray:
+    """Return the residuals, those of slides in metres of the identified scale as the user reads them."""
+    unit = np.where(problem.data.slide, problem.size(optimum.x), 1.0)
+    return problem.differences(optimum.trial) * problem.data.by_row(unit)
 
 
 def _natural(problem: Problem, optimum: Optimum, known: Knowledge) -> np.ndarray:
