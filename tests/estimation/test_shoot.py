@@ -10,7 +10,7 @@ from monodyn.estimation.record.samples import cut, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
-from monodyn.estimation.shooting.shoot import FIXED_STEPS, ROUGH, Budget, Route, fit_pieces, limited
+from monodyn.estimation.shooting.shoot import Route, fit_pieces
 from monodyn.mechanism import variational
 from monodyn.optimize import SearchSettings
 from monodyn.stages import identify
@@ -123,25 +123,3 @@ def test_a_search_that_makes_no_way_goes_on_with_the_exact_derivatives(poses, do
     assert found.trial.most_off == 0.0
     assert found.cost == pytest.approx(expected.cost, abs=1e-3)
     assert found.evaluations > expected.evaluations
-
-
-def test_searches_inside_share_one_budget(poses, double):
-    """Each ends where it stands once the steps are spent, and what is spent inside is spent outside."""
-    route = Route(10, 1e-3, ROUGH)
-    problem = posed(double, prepare((poses,), double))
-    start = problem.started(problem.unknowns.x0, cut(problem.data, 10), (smooth(poses),))
-    free = fit_pieces(problem, start, route, ROUGH)
-    each = FIXED_STEPS + len(poses) * free.trial.substeps
-    assert free.evaluations > 3
-    with limited(100 * each) as outer:
-        with limited(3 * each) as inner:
-            first, second = (fit_pieces(problem, start, route, ROUGH) for _ in range(2))
-        assert (first.evaluations, second.evaluations) == (3, 1)
-        assert inner.spent
-        assert outer.remaining == 96 * each
-    assert fit_pieces(problem, start, route, ROUGH).evaluations == free.evaluations
-
-
-def test_no_budget_inside_is_larger_than_the_one_outside():
-    with limited(10.0), limited(1000.0) as inner:
-        assert inner == Budget(10.0)

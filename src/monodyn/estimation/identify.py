@@ -19,7 +19,6 @@ from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.record.units import wrong_units
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.estimation.shooting.shoot import limited
 from monodyn.estimation.torque.auto import fit_auto
 from monodyn.estimation.torque.fourier import fit_series
 from monodyn.estimation.torque.free import fit_free_torques
@@ -47,20 +46,8 @@ TORQUE_MODELS = {
     "known": fit_known,
 }
 """How a motion is explained, by torque model; where torques are known that is the one."""
-TORQUE_WORK, REASON_WORK = 40e6, 15e6
-"""Work that all searches together may take for what acts, and for the reason where nothing explains the motion,
-as a ``Budget`` counts it; of more than ``USUAL_ROWS`` in proportion. What was found in made and real records
-took up to 27 and 11 million."""
-USUAL_ROWS = 1000
-"""Rows up to which they do not depend on the rows."""
 SHORTEST_BEGINNING = 20
 """Rows of the shortest beginning that is tried when the whole record does not fit."""
-CUT_SHORT = (
-    "The search for what acts ended before every kind of torque and every start had been followed to its "
-    "end: nothing until then came near the record. --identify.torque names the kind to search for without "
-    "this limit."
-)
-"""What is said where the budget was spent on a motion that nothing explains."""
 
 
 def identify_jointly(
@@ -93,12 +80,11 @@ def identify_jointly(
     settings = replace(settings, torque="friction", uncertainty="linear")
     # a misfit is looked into; what else a fit is doubted for has its reason
     lacks = fit.unmodelled is not None or not fit.ok
-    with limited(REASON_WORK * _size(records)):
-        cause, named = lacking(records, mechanism, settings, fit, progress) if lacks else ("", False)
-        if fit.ok:
-            # what can be used at least approximately is no other mechanism
-            return replace(fit, advice=(cause, *fit.advice)) if named else fit
-        reason = () if named else _beginning(records, mechanism, settings, progress)
+    cause, named = lacking(records, mechanism, settings, fit, progress) if lacks else ("", False)
+    if fit.ok:
+        # what can be used at least approximately is no other mechanism
+        return replace(fit, advice=(cause, *fit.advice)) if named else fit
+    reason = () if named else _beginning(records, mechanism, settings, progress)
     # a beginning that fits says more than what does not explain the rest
     return replace(fit, advice=(*reason, *([cause] if cause else []), *fit.advice))
 
@@ -112,16 +98,8 @@ def _identified(
     smoothed = tuple(smooth(ordered(record, mechanism)) for record in records)
     model = "known" if data.torques else settings.torque
     task = Task(data, smoothed, settings, progress, partial(explained_otherwise, settings), records)
-    # a torque that the user names is searched to the end
-    with limited(TORQUE_WORK * _size(records) if model == "auto" else np.inf) as budget:
-        solution = fit_many(TORQUE_MODELS[model], mechanism, task)
-    fit = summarize(solution, records, settings, began, progress)
-    return replace(fit, advice=(*fit.advice, CUT_SHORT)) if budget.spent and not fit.ok else fit
-
-
-def _size(records: tuple[Poses, ...]) -> float:
-    """Return the rows of records over the usual number, at least one."""
-    return max(1.0, sum(len(record) for record in records) / USUAL_ROWS)
+    solution = fit_many(TORQUE_MODELS[model], mechanism, task)
+    return summarize(solution, records, settings, began, progress)
 
 
 def _beginning(

@@ -84,12 +84,7 @@ class Search:
         endings: list[shoot.Optimum] = []
 
         def ending(start: tuple[np.ndarray, shoot.Route]) -> shoot.Optimum:
-            endings.append(
-                shoot.multiple_shooting(
-                    self.problem, start[0], self._smoothed, start[1], self.report, self.hopeless,
-                    patient=not give_up,
-                )  # fmt: skip
-            )
+            endings.append(self._shot(*start, give_up=True, patient=not give_up))
             return endings[-1]
 
         best, count = first_good(
@@ -124,9 +119,13 @@ class Search:
             x: Coordinates of the start, (param,).
             give_up: Stay with the pieces of a stage where these cannot be followed.
         """
+        return self._shot(x, self.route, give_up=give_up, patient=False)
+
+    def _shot(self, x: np.ndarray, route: shoot.Route, *, give_up: bool, patient: bool) -> shoot.Optimum:
+        """Search from one start; where it may be given up, after the first stage or, impatiently, any."""
         hopeless = self.hopeless if give_up else None
         return shoot.multiple_shooting(
-            self.problem, x, self._smoothed, self.route, self.report, hopeless, patient=False
+            self.problem, x, self._smoothed, route, self.report, hopeless, patient=patient
         )
 
     def explained(self, optimum: shoot.Optimum) -> bool:

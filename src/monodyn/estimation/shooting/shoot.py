@@ -7,9 +7,7 @@ carries the parameters, ever better known, to one rollout a record.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,57 +37,6 @@ MOST_RUNS = 24
 """Pieces by which the integration steps are chosen."""
 ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
 """For stages whose result is only a start: chi-square within 1 %."""
-
-
-FIXED_WORK = 3000
-"""Work of an evaluation beside its integration: without it a short record, whose evaluations cost about the
-same whatever its rows, would be searched for minutes."""
-
-
-@dataclass
-class Budget:
-    """What searches may evaluate together; once it is spent each of them ends where it stands.
-
-    Attributes:
-        remaining: Work that is left, integration steps times the directions in which each is differentiated;
-            never a time, so that the same run ends the same anywhere.
-    """
-
-    remaining: float
-
-    @property
-    def spent(self) -> bool:
-        """Whether nothing is left of it."""
-        return self.remaining <= 0.0
-
-    def within(self, search: SearchSettings, work: int) -> SearchSettings:
-        """Return when a search ends whose evaluations take so much work each."""
-        return replace(search, evaluations=int(min(search.evaluations, max(self.remaining / work, 1.0))))
-
-
-_BUDGET: ContextVar[Budget] = ContextVar("budget")
-_UNLIMITED = Budget(np.inf)
-
-
-@contextmanager
-def limited(work: float) -> Iterator[Budget]:
-    """Limit what all searches inside may evaluate together.
-
-    Args:
-        work: As a budget counts it.
-
-    Yields:
-        The budget; where there was one outside, that one counts as well.
-    """
-    outside = _BUDGET.get(_UNLIMITED)
-    budget = Budget(min(work, outside.remaining))
-    before = budget.remaining
-    token = _BUDGET.set(budget)
-    try:
-        yield budget
-    finally:
-        _BUDGET.reset(token)
-        outside.remaining -= before - budget.remaining
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,8 +113,8 @@ def multiple_shooting(
         patient: Do not ask again after the stages between the first and the last.
 
     Returns:
-        The fit of one piece a record, or of the pieces that are hopeless; its ``cost`` is infinite
-        where a stage could not be evaluated.
+        The fit of one piece a record, or of the pieces that are hopeless; its ``cost`` is infinite where a
+        stage could not be evaluated.
 
     Source:
         Bock, Recent advances in parameter identification techniques for ordinary differential equations,
@@ -250,9 +197,7 @@ def fit_pieces(
     # the rows of the start give the typical residual, and are then those of the search's first evaluation
     sigma = typical(problem.rows(start)[0], problem.data.measured)
     limit = 4.0 * max(1.0, sigma) if robust else 0.0
-    unknowns, budget = problem.unknowns, _BUDGET.get(_UNLIMITED)
-    directions = start.states.shape[1] + np.count_nonzero(~np.broadcast_to(held, start.x.shape))
-    work = FIXED_WORK + int(start.pieces.first[-1]) * start.substeps * int(directions)
+    unknowns = problem.unknowns
     lower, upper = np.where(held, start.x, unknowns.lower), np.where(held, start.x, unknowns.upper)
 
     def evaluate(at: np.ndarray, local: np.ndarray) -> Arrow:
@@ -268,10 +213,8 @@ def fit_pieces(
 
     # the start states are eliminated piece by piece, so that a step costs no more for many pieces
     found = minimize_arrow(
-        evaluate, start.x, start.states, (lower, upper), settings=budget.within(search, work),
-        reach=unknowns.reach, bend=bend,
-    )  # fmt: skip
-    budget.remaining -= found.evaluations * work
+        evaluate, start.x, start.states, (lower, upper), settings=search, reach=unknowns.reach, bend=bend
+    )
     residuals, _, trial = found.model.kept
     ended = Optimum(
         trial, residuals, found.model.cost, typical(residuals, problem.data.measured), found.evaluations,
