@@ -19,6 +19,7 @@ from monodyn.estimation.record.samples import ordered, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.record.units import wrong_units
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.shoot import limited
 from monodyn.estimation.torque.auto import fit_auto
 from monodyn.estimation.torque.fourier import fit_series
 from monodyn.estimation.torque.free import fit_free_torques
@@ -46,8 +47,20 @@ TORQUE_MODELS = {
     "known": fit_known,
 }
 """How a motion is explained, by torque model; where torques are known that is the one."""
+TORQUE_WORK, REASON_WORK = 100e6, 30e6
+"""Work that all searches together may take, as a ``Budget`` counts it, for what acts and for the reason where
+nothing explains the motion: some 25 s and 8 s of a processor; of more than ``USUAL_ROWS`` in proportion. What
+was found took up to 27 million in made records and clips, and 56 in a real one."""
+USUAL_ROWS = 1000
+"""Rows up to which they do not depend on the rows."""
 SHORTEST_BEGINNING = 20
 """Rows of the shortest beginning that is tried when the whole record does not fit."""
+CUT_SHORT = (
+    "The search for what acts ended before every kind of torque and every start had been followed to its "
+    "end: nothing until then came near the record. --identify.torque names the kind to search for without "
+    "this limit."
+)
+"""What is said where the budget was spent on a motion that nothing explains."""
 
 
 def identify_jointly(
@@ -72,7 +85,12 @@ def identify_jointly(
     if wrong:
         raise VideoError(f"poses: {wrong}")
     mechanism = slackened(mechanism, records)
-    fit = _identified(records, mechanism, settings, progress)
+    size = max(1.0, sum(len(record) for record in records) / USUAL_ROWS)
+    # a torque that the user names is searched to the end
+    with limited(TORQUE_WORK * size if settings.torque == "auto" else np.inf) as budget:
+        fit = _identified(records, mechanism, settings, progress)
+    if budget.remaining <= 0.0 and not fit.ok:
+        fit = replace(fit, advice=(*fit.advice, CUT_SHORT))
     usual = settings.torque in ("auto", "friction") and fit.torque == "friction"
     # with one start nobody wants to know more than how near it leads
     if fit.grade == "trusted" or not fit.starts or not usual or settings.starts == 1:
@@ -80,11 +98,12 @@ def identify_jointly(
     settings = replace(settings, torque="friction", uncertainty="linear")
     # a misfit is looked into; what else a fit is doubted for has its reason
     lacks = fit.unmodelled is not None or not fit.ok
-    cause, named = lacking(records, mechanism, settings, fit, progress) if lacks else ("", False)
-    if fit.ok:
-        # what can be used at least approximately is no other mechanism
-        return replace(fit, advice=(cause, *fit.advice)) if named else fit
-    reason = () if named else _beginning(records, mechanism, settings, progress)
+    with limited(REASON_WORK * size):
+        cause, named = lacking(records, mechanism, settings, fit, progress) if lacks else ("", False)
+        if fit.ok:
+            # what can be used at least approximately is no other mechanism
+            return replace(fit, advice=(cause, *fit.advice)) if named else fit
+        reason = () if named else _beginning(records, mechanism, settings, progress)
     # a beginning that fits says more than what does not explain the rest
     return replace(fit, advice=(*reason, *([cause] if cause else []), *fit.advice))
 

@@ -7,7 +7,9 @@ carries the parameters, ever better known, to one rollout a record.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,6 +39,48 @@ MOST_RUNS = 24
 """Pieces by which the integration steps are chosen."""
 ROUGH = SearchSettings(evaluations=40, decrease=1e-2, relative=1e-3)
 """For stages whose result is only a start: chi-square within 1 %."""
+
+
+FIXED_WORK = 3000
+"""Work of an evaluation beside its integration: without it a short record, whose evaluations cost about the
+same whatever its rows, would be searched for minutes."""
+
+
+@dataclass
+class Budget:
+    """What searches may evaluate together; once it is spent each of them ends where it stands.
+
+    Attributes:
+        remaining: Work that is left, integration steps times the directions in which each is differentiated;
+            never a time, so that the same run ends the same anywhere.
+    """
+
+    remaining: float = np.inf
+
+    def within(self, search: SearchSettings, work: int) -> SearchSettings:
+        """Return when a search ends whose evaluations take so much work each."""
+        return replace(search, evaluations=int(min(search.evaluations, max(self.remaining / work, 1.0))))
+
+
+_BUDGET: ContextVar[Budget] = ContextVar("budget")
+
+
+@contextmanager
+def limited(work: float) -> Iterator[Budget]:
+    """Limit what all searches inside may evaluate together.
+
+    Args:
+        work: As a budget counts it.
+
+    Yields:
+        The budget.
+    """
+    budget = Budget(work)
+    token = _BUDGET.set(budget)
+    try:
+        yield budget
+    finally:
+        _BUDGET.reset(token)
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +241,9 @@ def fit_pieces(
     # the rows of the start give the typical residual, and are then those of the search's first evaluation
     sigma = typical(problem.rows(start)[0], problem.data.measured)
     limit = 4.0 * max(1.0, sigma) if robust else 0.0
-    unknowns = problem.unknowns
+    unknowns, budget = problem.unknowns, _BUDGET.get(Budget())
+    directions = start.states.shape[1] + int(np.count_nonzero(~np.broadcast_to(held, start.x.shape)))
+    work = FIXED_WORK + int(start.pieces.first[-1]) * start.substeps * directions
     lower, upper = np.where(held, start.x, unknowns.lower), np.where(held, start.x, unknowns.upper)
 
     def evaluate(at: np.ndarray, local: np.ndarray) -> Arrow:
@@ -213,8 +259,10 @@ def fit_pieces(
 
     # the start states are eliminated piece by piece, so that a step costs no more for many pieces
     found = minimize_arrow(
-        evaluate, start.x, start.states, (lower, upper), settings=search, reach=unknowns.reach, bend=bend
-    )
+        evaluate, start.x, start.states, (lower, upper), settings=budget.within(search, work),
+        reach=unknowns.reach, bend=bend,
+    )  # fmt: skip
+    budget.remaining -= found.evaluations * work
     residuals, _, trial = found.model.kept
     ended = Optimum(
         trial, residuals, found.model.cost, typical(residuals, problem.data.measured), found.evaluations,
