@@ -111,6 +111,18 @@ def test_the_swing_that_accelerations_call_for(stiffness):
     np.testing.assert_allclose(swing.at(record.time), 0.03 * np.sin(8.0 * record.time), atol=6e-3)
 
 
+def test_no_swing_pushes_a_body_that_is_balanced(tmp_path):
+    """A base of no swing is no cause: its place would have no variance."""
+    path = tmp_path / "balanced.xml"
+    path.write_text(POLE.replace('pos="0.15 0 0"', 'pos="0 0 0"'), encoding="utf-8")
+    mechanism = load(path).with_torque("friction")
+    moved = swung(lambda model, data: None)
+    problem = posed(mechanism, prepare((moved,), mechanism))
+    motion = smooth_motion(problem, (smooth(ordered(moved, mechanism)),))
+    assert swing_of(problem, matched(problem, motion), motion) is None
+    assert identify(moved, mechanism, IdentifySettings(bodies="uniform")).grade == "refused"
+
+
 HUNG = POLE.replace(
     "</body></worldbody>",
     """<body pos="0.29 0 0"><joint name="joint2" type="hinge" axis="0 -1 0" damping="0.0003"/>

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism import load
 from monodyn.stages import identify
 from monodyn.types import Poses
@@ -179,3 +180,23 @@ def test_a_rate_that_contradicts_gravity_and_a_length_is_named():
     )
     # with the clock open the length is found to be right
     assert identify(slow, given.with_choices(free=["time_scale"])).ok
+
+
+def test_a_search_that_is_cut_short_says_so(poses, double, monkeypatch):
+    monkeypatch.setattr("monodyn.estimation.identify.TORQUE_WORK", 1.0)
+    exchanged = replace(poses, joints=poses.joints[::-1])
+    fit = identify(exchanged, double, IdentifySettings(starts=1))
+    assert fit.grade == "refused"
+    assert fit.advice[-1] == (
+        "The search for what acts ended before every kind of torque and every start had been followed to its "
+        "end: nothing until then came near the record. --identify.torque names the kind to search for "
+        "without this limit."
+    )
+
+
+def test_a_torque_that_is_named_is_searched_to_the_end(poses, double, monkeypatch):
+    expected = identify(poses, double, IdentifySettings(torque="friction"))
+    monkeypatch.setattr("monodyn.estimation.identify.TORQUE_WORK", 1.0)
+    found = identify(poses, double, IdentifySettings(torque="friction"))
+    assert found.evaluations == expected.evaluations
+    assert identify(poses, double).evaluations < expected.evaluations

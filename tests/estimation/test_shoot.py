@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monodyn.estimation.record.samples import cut, prepare
+from monodyn.estimation.record.samples import cut, ordered, prepare
 from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
-from monodyn.estimation.shooting.shoot import Route, fit_pieces
+from monodyn.estimation.shooting.shoot import FIXED_WORK, ROUGH, Route, fit_pieces, limited, multiple_shooting
 from monodyn.mechanism import variational
 from monodyn.optimize import SearchSettings
 from monodyn.stages import identify
@@ -123,3 +123,37 @@ def test_a_search_that_makes_no_way_goes_on_with_the_exact_derivatives(poses, do
     assert found.trial.most_off == 0.0
     assert found.cost == pytest.approx(expected.cost, abs=1e-3)
     assert found.evaluations > expected.evaluations
+
+
+def test_searches_share_what_they_may_evaluate(poses, double):
+    """Each ends where it stands once that is spent."""
+    route = Route(10, 1e-3, ROUGH)
+    problem = posed(double, prepare((poses,), double))
+    start = problem.started(problem.unknowns.x0, cut(problem.data, 10), (smooth(poses),))
+    free = fit_pieces(problem, start, route, ROUGH)
+    each = FIXED_WORK + len(poses) * free.trial.substeps * (len(problem.unknowns) + 4)
+    assert free.evaluations > 4
+    with limited(3 * each) as budget:
+        first, second = (fit_pieces(problem, start, route, ROUGH) for _ in range(2))
+    assert (first.evaluations, second.evaluations) == (3, 1)
+    assert budget.remaining == -each
+    assert fit_pieces(problem, start, route, ROUGH).evaluations == free.evaluations
+
+
+def test_a_search_without_patience_ends_at_the_first_hopeless_stage(poses, double):
+    # of another mechanism, which no longer piece is near
+    exchanged = replace(poses, joints=poses.joints[::-1])
+    problem, seen = posed(double, prepare((exchanged,), double)), []
+
+    def hopeless(stage):
+        seen.append(len(stage.trial.states))
+        return len(seen) == 2
+
+    route = Route(5, 1e-3, ROUGH)
+    arguments = problem, problem.unknowns.x0, (smooth(ordered(exchanged, double)),), route, None, hopeless
+    found = multiple_shooting(*arguments, patient=False)
+    assert len(seen) == 2
+    assert seen[0] > seen[1] == len(found.trial.states) > 1
+    seen.clear()
+    assert multiple_shooting(*arguments).complete
+    assert len(seen) == 1
