@@ -72,11 +72,16 @@ def test_a_shifted_edge_looks_like_a_turn_of_the_camera() -> None:
 
 
 def test_of_a_long_thread_the_picture_shows_the_end_alone() -> None:
-    mechanism = load("ball").with_values({"link1.length": 50.0})
+    mechanism = load("bob").with_values({"link1.length": 50.0})
     bundle = SimpleNamespace(mechanism=mechanism, camera=CAMERA, systematic_px=0.2, sway_px=0.0)
     half = 0.5 * np.hypot(CAMERA.width, CAMERA.height)
     assert shifted_turn(bundle, "camera.roll") == pytest.approx(0.2 / half)
     assert shifted_turn(bundle, "camera.yaw") == pytest.approx(0.2 * CAMERA.focal / half**2)
+    bundle.mechanism = load("ball").with_values({"link1.length": 50.0})
+    assert shifted_turn(bundle, "camera.roll") == pytest.approx(0.2 / half)
+    # a thread that stretches lets its ball off a circle, as a camera that is turned up or aside sees it
+    off = np.hypot(0.2, STRETCHES * half)
+    assert shifted_turn(bundle, "camera.yaw") == pytest.approx(off * CAMERA.focal / half**2)
 
 
 def test_what_holds_a_ball_is_a_thread_or_a_rod() -> None:

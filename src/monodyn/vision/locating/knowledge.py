@@ -205,8 +205,8 @@ def covariance_of(information: np.ndarray, sizes: np.ndarray, *, scale_free: boo
 
 
 def shifted_turn(bundle: Bundle, name: str) -> float:
-    """Return the turn of the camera that looks like edges shifted alike in all frames, or like a mechanism
-    that sways as a whole between them [rad].
+    """Return the turn of the camera that looks like edges shifted alike in all frames, like a mechanism that
+    sways as a whole between them, or like a thread that stretches [rad].
 
     Args:
         bundle: A refined bundle.
@@ -220,7 +220,9 @@ def shifted_turn(bundle: Bundle, name: str) -> float:
     reach_px = min(reach_px, 0.5 * float(np.hypot(bundle.camera.width, bundle.camera.height)))
     # turned about the line of sight the outermost edges go along a circle; turned aside they come nearer
     arm_px = reach_px if name == ROLL else reach_px**2 / focal
-    return float(np.hypot(bundle.systematic_px, bundle.sway_px)) / arm_px
+    stretches = name != ROLL and thread_lengths(bundle.mechanism, bundle.camera)
+    off_px = bundle.systematic_px, bundle.sway_px, STRETCHES * reach_px if stretches else 0.0
+    return float(np.linalg.norm(off_px)) / arm_px
 
 
 def _camera_slope(bundle: Bundle, cameras: list[str]) -> np.ndarray:
