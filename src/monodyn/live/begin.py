@@ -1,7 +1,8 @@
 """The first seconds of a stream: watched until enough has moved, then searched for the mechanism.
 
-What was watched is a clip in memory, so that the search is the one of a whole run: background and colours,
-camera and sizes, poses, parameters.
+What was watched is a clip in memory, so that the search is that of a whole run: background and colours, camera
+and sizes, poses. Its first step, which takes half of the time and needs little motion, is done while more is
+being watched; what it finds is refined in all frames that have come until then.
 """
 
 from __future__ import annotations
@@ -17,22 +18,23 @@ import numpy as np
 from monodyn.checks import camera_choices, left_out
 from monodyn.doubtful import doubtful_sight
 from monodyn.errors import MonodynError, VideoError
-from monodyn.estimation.fit import Doubt, Fit
-from monodyn.live.estimate import Estimate
-from monodyn.live.horizon import Horizon, horizon_of
+from monodyn.estimation.wording import listed
 from monodyn.live.record import joined
 from monodyn.live.settings import LiveSettings
 from monodyn.live.tracker import Tracker
 from monodyn.mechanism import Mechanism
-from monodyn.redrawn import redrawn
 from monodyn.results.sight import Sight
 from monodyn.settings import RunSettings
-from monodyn.stages import identify, locate, segment, track_freely
+from monodyn.stages import locate, segment, track_freely
 from monodyn.types import Frame, Poses
 from monodyn.vision.clip.video import Video
+from monodyn.vision.drawing.outline import covered_pixels
+from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.foreground.soft import SoftMasks
 from monodyn.vision.foreground.thumbnails import Window
+from monodyn.vision.locating.locate import Sought, first_guess
 from monodyn.vision.locating.scene import Scene
+from monodyn.vision.locating.search import SceneGuess
 
 CELL_PX, AGO = 4, 0.1
 """Every so many pixels along a side one is looked at for motion, and for how long it has to move [s]: what
@@ -47,6 +49,12 @@ STILL_KEPT = 1.0
 """Seconds before the first motion that are kept: they show the background."""
 AGAIN = 1.5
 """Factor by which more motion is watched after a search in vain."""
+FIRST = 1.0 / 3.0
+"""Share of the motion to be watched after which it is first guessed where the mechanism is."""
+HARDLY_TURNED, BEHIND = np.deg2rad(10.0), 0.5
+"""What a guess says is lacking: turns of a hinge below this [rad], a sixth of which the far end of its link
+moves to the side; a share of the mechanism behind which nothing was seen above that, which is several times
+that of a link about its pivot."""
 FEW, ROUNDS = 2, 10
 """Frames that are left to whoever takes the next ones, and how often it is looked how many came meanwhile."""
 MOST_HELD = 256_000_000
@@ -60,14 +68,15 @@ class Found:
     Attributes:
         scene: Mechanism and camera; its masks cover the whole picture, wherever the mechanism goes.
         poses: The poses of those of the frames in which nothing holds the mechanism.
-        fit: The mechanism as identified from these.
+        doubt: Why no fit to poses of this scene is to be trusted, a sentence; empty where none speaks
+            against it.
         notes: What people should know, in sentences.
         until: Number in the stream of the last frame that was watched.
     """
 
     scene: Scene
     poses: Poses
-    fit: Fit
+    doubt: str
     notes: tuple[str, ...]
     until: int
 
@@ -76,25 +85,39 @@ class Beginning:
     """What has been watched so far.
 
     Args:
-        seconds: Of motion that are watched before the first search.
+        seconds: Of motion that are watched before the mechanism is looked for.
 
     Attributes:
         frames: The frames, in the order of time.
         moving: Seconds of motion among them.
-        needed: Seconds of motion that the next search waits for.
+        still: Whether nothing moves at the last of them.
+        needed: Seconds of motion that the next step of the search waits for.
+        guessed: Whether the first step has been taken.
+        guess: What it found; None where it found nothing.
+        why: What the last step lacked, a sentence, or nothing.
         left_out: Frames for which there was no room while the mechanism was looked for.
     """
 
     def __init__(self, seconds: float) -> None:
         self.frames: list[Frame] = []
-        self.moving, self.needed, self.left_out = 0.0, seconds, 0
+        self.moving, self.needed, self.left_out = 0.0, FIRST * seconds, 0
+        self.still, self.guessed, self.why = True, False, ""
+        self.guess: SceneGuess | None = None
+        self._seconds = seconds
         self._held, self._holds = 0, False
         self._before: deque[tuple[float, np.ndarray]] = deque()
 
     @property
     def ready(self) -> bool:
-        """True where enough has moved for a search."""
+        """True where enough has moved for the next step of the search."""
         return self.moving >= self.needed
+
+    @property
+    def lacks(self) -> str:
+        """What the next step of the search waits for, in sentences."""
+        more = f"{max(self.needed - self.moving, 0.0):.1f} s {'more ' if self.moving else ''}of motion"
+        said = [self.why, "Nothing moves." if self.still else "", f"The search needs {more}."]
+        return " ".join(filter(None, said))
 
     def add(self, frame: Frame) -> None:
         """Take the next frame.
@@ -110,8 +133,8 @@ class Beginning:
             change = np.abs(small - before[0][1])
             # most of a picture stands still: its median change is that of noise
             level = max(MOVED_GREY, MOVED_NOISE * float(np.median(change)) / 0.67)
-            if int(np.sum(change > level)) >= LEAST_MOVED:
-                self.moving += frame.time - before[-1][0]
+            self.still = int(np.sum(change > level)) < LEAST_MOVED
+            self.moving += 0.0 if self.still else frame.time - before[-1][0]
         before.append((frame.time, small))
         if self._holds and self._held > MOST_HELD:
             self.left_out += 1
@@ -125,9 +148,22 @@ class Beginning:
         """Keep what is there while it is looked at; what there is no room for is left out."""
         self._holds = True
 
-    def in_vain(self) -> None:
-        """Wait for more motion after a search that found nothing."""
-        self.needed, self._holds = AGAIN * self.moving, False
+    def guessed_at(self, guess: SceneGuess | None) -> None:
+        """Go on watching after the first step of the search.
+
+        Args:
+            guess: What it found, or None.
+        """
+        self.guessed, self.guess, self._holds = True, guess, False
+        self.needed, self.why = self._seconds, "" if guess is None else hardly_shown(guess)
+
+    def in_vain(self, why: str) -> None:
+        """Wait for more motion after a search that found nothing.
+
+        Args:
+            why: Why it did not.
+        """
+        self.needed, self._holds, self.guess, self.why = AGAIN * self.moving, False, None, why
 
     def _too_many(self) -> bool:
         """Return whether the oldest frame gives way: nothing moved since, or there is no room."""
@@ -157,21 +193,19 @@ class Begun(NamedTuple):
         found: Scene, poses and fit.
         tracker: Follows from the last frame on.
         later: Poses of what came while the mechanism was looked for; None for nothing.
-        horizon: What goes on from the fit; None where nothing does.
-        estimate: What was identified with these poses; None without any.
         count: How many of the frames that were watched have been followed.
     """
 
     found: Found
     tracker: Tracker
     later: Poses | None
-    horizon: Horizon | None
-    estimate: Estimate | None
     count: int
 
 
-def begin(watched: Beginning, name: str, setup: Setup) -> Begun | MonodynError:
+def begin(watched: Beginning, name: str, setup: Setup) -> Begun | SceneGuess | MonodynError:
     """Look for the mechanism in the first seconds, and follow it through what comes meanwhile.
+
+    The first time it is only guessed where the mechanism is.
 
     Args:
         watched: What was watched; more frames may come to it while it is looked at.
@@ -183,10 +217,14 @@ def begin(watched: Beginning, name: str, setup: Setup) -> Begun | MonodynError:
     """
     frames = tuple(watched.frames)
     try:
-        found = search(frames, name, setup.mechanism, setup.settings)
+        if not watched.guessed:
+            masks = _segmented(frames, name, setup.settings)
+            fix, free = camera_choices(setup.settings)
+            locating = setup.settings.locate
+            return first_guess(Sought(masks, setup.mechanism, locating, fix, free, lambda *_: None))
+        found = search(frames, name, setup.mechanism, setup.settings, watched.guess)
     except MonodynError as error:
         return error
-    horizon = horizon_of(found.fit, found.scene.mechanism, found.poses, setup.live)
     tracker, count, rows = Tracker(found.scene, setup.settings.track, frames), len(frames), list[Poses]()
     rounds = 0
     # what came meanwhile is followed faster than frames come, or it never ends
@@ -195,41 +233,73 @@ def begin(watched: Beginning, name: str, setup: Setup) -> Begun | MonodynError:
         for frame in watched.frames[count:]:
             rows.append(tracker.follow(frame))
             count += 1
-    later = joined(rows) if rows else None
-    estimate = horizon.add(later) if horizon is not None and later is not None else None
-    return Begun(found, tracker, later, horizon, estimate, count)
+    return Begun(found, tracker, joined(rows) if rows else None, count)
 
 
-def search(frames: Sequence[Frame], name: str, mechanism: Mechanism, settings: RunSettings) -> Found:
-    """Look for the mechanism in what was watched, follow it there and identify it.
+def search(
+    frames: Sequence[Frame],
+    name: str,
+    mechanism: Mechanism,
+    settings: RunSettings,
+    guess: SceneGuess | None = None,
+) -> Found:
+    """Look for the mechanism in what was watched, and follow it there.
 
     Args:
         frames: The frames.
         name: Name of the stream.
         mechanism: The mechanism with the user's choices.
         settings: How each stage goes.
+        guess: About where it is; None where nothing is known.
 
     Returns:
-        What was found; its fit says how far it can be relied on.
+        What was found.
 
     Raises:
         VideoError: the camera moves; from deeper down: the mechanism is not found.
     """
-    video = as_clip(frames, name)
-    masks = segment(video, settings.segment, background=settings.background)
-    if masks.video.camera_path is not None:
-        raise VideoError(f"{name}: expected a camera that stands still, got one that moves; fasten it.")
+    masks = _segmented(frames, name, settings)
     fix, free = camera_choices(settings)
-    scene = locate(masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free)
+    scene = locate(
+        masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, guess=guess
+    )
     poses, span = track_freely(scene.masks, scene, settings.track)
     part = poses[slice(*np.searchsorted(poses.frame, span[:2]))]
-    sight = Sight(video, masks=masks, scene=scene, poses=poses, fit_frames=span[:2], free_frames=span[:2])
-    fit = redrawn(identify(part, scene.mechanism, settings.identify), scene, part)
-    if why := doubtful_sight(sight, part):
-        fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", why)])
+    sight = Sight(
+        masks.video, masks=masks, scene=scene, poses=poses, fit_frames=span[:2], free_frames=span[:2]
+    )
+    doubt = doubtful_sight(sight, part) or ""
     part = replace(part, frame=np.array([frames[number].index for number in part.frame]))
     others = left_out(scene.masks.background, given=settings.segment.roi is not None)
-    return Found(_everywhere(scene), part, fit, (*scene.advice, *others, *span.notes), frames[-1].index)
+    return Found(_everywhere(scene), part, doubt, (*scene.advice, *others, *span.notes), frames[-1].index)
+
+
+def _segmented(frames: Sequence[Frame], name: str, settings: RunSettings) -> Masks:
+    """Return the masks of what was watched, where the camera stands still."""
+    masks = segment(as_clip(frames, name), settings.segment, background=settings.background)
+    if masks.video.camera_path is not None:
+        raise VideoError(f"{name}: expected a camera that stands still, got one that moves; fasten it.")
+    return masks
+
+
+def hardly_shown(guess: SceneGuess) -> str:
+    """Say what a guess has hardly seen of the mechanism, a sentence, or nothing.
+
+    Args:
+        guess: The guess.
+    """
+    mechanism, turned = guess.mechanism, guess.positions - guess.positions[0]
+    turned = np.ptp((turned + np.pi) % (2.0 * np.pi) - np.pi, axis=0)
+    joints = [
+        joint.name
+        for joint, turn in zip(mechanism.joints, turned, strict=True)
+        if joint.kind == "hinge" and turn < HARDLY_TURNED
+    ]
+    said = [f"{listed(joints)} turn by less than {np.rad2deg(HARDLY_TURNED):.0f} deg"] if joints else []
+    covered = [covered_pixels(mechanism, guess.camera, q, margin=0.0) for q in guess.positions]
+    behind = np.all(covered, axis=0).sum() / max(np.mean([pixels.sum() for pixels in covered]), 1.0)
+    said += [f"{behind:.0%} of the mechanism never uncover what is behind"] if behind > BEHIND else []
+    return f"So far, by a first guess, {' and '.join(said)}." if said else ""
 
 
 def as_clip(frames: Sequence[Frame], name: str) -> Video:
@@ -244,6 +314,18 @@ def as_clip(frames: Sequence[Frame], name: str) -> Video:
     times = np.array([frame.time for frame in frames])
     height, width = first.shape
     return Video(Path(name), width, height, times, lambda start, stop: iter(numbered[start:stop]), held=True)
+
+
+def numbered(poses: Poses, times: np.ndarray) -> Poses:
+    """Return poses of a stream by the numbers of the frames of a clip of it, the first one 0.
+
+    Args:
+        poses: Poses from its first frame on.
+        times: Times of the frames of the clip [s], (frame,); later poses have higher numbers than these.
+    """
+    rows, count = np.searchsorted(times, poses.time), len(times)
+    shown = times[np.minimum(rows, count - 1)] == poses.time
+    return replace(poses, frame=np.where(shown, rows, count + np.arange(len(poses))))
 
 
 def _everywhere(scene: Scene) -> Scene:

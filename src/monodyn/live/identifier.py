@@ -11,9 +11,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from monodyn.estimation.fit import Fit
+from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.live.begin import Begun
+from monodyn.live.begin import Begun, numbered
 from monodyn.live.estimate import Estimate
 from monodyn.live.horizon import LONGEST_GAP, Acting, Horizon, followed_from, horizon_of
 from monodyn.live.record import Record, joined
@@ -90,6 +90,7 @@ class Identifier:
         # one worker for what every frame needs, one for what takes longer
         self._quick, self._long = ThreadPoolExecutor(1, "identify"), ThreadPoolExecutor(1, "review")
         self._scene: Scene | None = None
+        self._doubt = ""
         self._horizon: Horizon | None = None
         self._pending: list[Poses] = []
         self._estimating: Future[Estimate | None] | None = None
@@ -111,14 +112,16 @@ class Identifier:
         Args:
             begun: It.
         """
-        found, self._scene = begun.found, begun.found.scene
+        found, self._scene, self._doubt = begun.found, begun.found.scene, begun.found.doubt
         self.record.add(found.poses)
         self.cut, self._seen = Cut(float(found.poses.time[0])), float(found.poses.time[-1])
         self._moved = np.nanstd(found.poses.position, axis=0)
-        self._take_up(Reviewed(found.fit, begun.horizon, float(found.poses.time[-1])))
         if begun.later is not None:
             self._recorded(begun.later)
-        self._begun, self.estimate = self._seen, begun.estimate
+        self._begun, self._next = self._seen, -math.inf
+        self._look_again(self._seen)
+        if self._in_order:
+            self.finish()
 
     def take(self, pose: Poses, *, broken: bool = False) -> None:
         """Take the next pose, and identify with it as soon as the one before is done.
@@ -140,7 +143,7 @@ class Identifier:
         self._submit(rest=not self._in_order)
         self._look_again(now)
         if self._in_order:
-            self._wait_for_all()
+            self.finish()
 
     def _recorded(self, poses: Poses, *, broken: bool = False) -> None:
         """Record poses; no motion goes on across a break, or while it is out of sight for long."""
@@ -276,11 +279,13 @@ class Identifier:
             poses = later
         acted = self._acting(float(poses.time[0]), float(poses.time[-1]))
         fit = identify(replace(poses, torques=acted), scene.mechanism, self._settings)
-        fit = redrawn(fit, scene, poses)
+        fit = redrawn(fit, scene, numbered(poses, scene.video.times))
+        if self._doubt:
+            fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", self._doubt)])
         horizon = horizon_of(fit, scene.mechanism, poses, self._live, self._acting)
         return Reviewed(fit, horizon, float(poses.time[-1]))
 
-    def _wait_for_all(self) -> None:
+    def finish(self) -> None:
         """Wait for all that is being identified."""
         while self._estimating is not None or self._review is not None:
             jobs: list[Future[Any]] = [job for job in (self._estimating, self._review) if job is not None]

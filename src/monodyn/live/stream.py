@@ -31,6 +31,7 @@ from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dots import shows_dots
 from monodyn.settings import RunSettings
 from monodyn.types import Frame, Poses
+from monodyn.vision.locating.search import SceneGuess
 
 Apply = Callable[[Step], Mapping[str, float] | None]
 """Applies torques at a frame, and returns them by joint; None for none."""
@@ -125,10 +126,10 @@ class Session:
         self._feed, self._clock = Feed(source, live.queue), Clock(None if source.video else 0.0)
         self._beginning = Beginning(live.begin)
         self._worker = ThreadPoolExecutor(1, "search")
-        self._search: Future[Begun | MonodynError] | None = None
+        self._search: Future[Begun | SceneGuess | MonodynError] | None = None
         self._tracker: Tracker | None = None
         self._foreseen = Foreseen(live.ahead)
-        self.said = "Waiting for motion."
+        self.said = self._beginning.lacks
         self._stopped = False
 
     def __enter__(self) -> Session:
@@ -159,6 +160,7 @@ class Session:
         # what is being looked at when the stream ends counts as well
         if self._search is not None:
             self._take_over(self._search.result())
+        self.identifier.finish()
 
     def _step(self, arrival: Arrival) -> Step:
         """Return what is known with one more frame."""
@@ -203,21 +205,27 @@ class Session:
             self._beginning = Beginning(self._live.begin)
         watched = self._beginning
         watched.add(frame)
+        if self._search is None:
+            self.said = watched.lacks
         if self._search is None and watched.ready:
             watched.hold()
             seconds = watched.frames[-1].time - watched.frames[0].time
-            self.said = f"Looking for the mechanism in the last {seconds:.1f} s."
+            self.said = f"Looking for the mechanism in the last {seconds:.1f} s. {watched.why}".rstrip()
             self._search = self._worker.submit(begin, watched, self.source.name, self._setup)
         if self._search is not None and (self._search.done() or not self.source.live):
             self._take_over(self._search.result())
 
-    def _take_over(self, begun: Begun | MonodynError) -> None:
-        """Go on from what a search has found."""
+    def _take_over(self, begun: Begun | SceneGuess | MonodynError) -> None:
+        """Go on from what a step of the search has found."""
         self._search, watched = None, self._beginning
-        if isinstance(begun, MonodynError):
-            watched.in_vain()
-            self.said = str(begun)
+        if not isinstance(begun, Begun):
+            if watched.guessed:
+                watched.in_vain(str(begun))
+            else:
+                watched.guessed_at(begun if isinstance(begun, SceneGuess) else None)
+            self.said = watched.lacks
             return
+        self.said = "The mechanism is followed; its parameters are being identified."
         self.found, self._tracker = begun.found, begun.tracker
         self.identifier.begin(begun)
         for later in watched.frames[begun.count :]:

@@ -34,7 +34,7 @@ BAR = 10
 STYLES = {"trusted": "bold green", "approximate": "bold yellow", "refused": "bold red"}
 """How the verdict is shown."""
 PHASES = {
-    "watching": "waiting for motion",
+    "watching": "watching",
     "searching": "looking for the mechanism",
     "following": "following",
 }
