@@ -112,6 +112,7 @@ def found_with(
         masks: Tried
         mechanism: Mechanism
         pinned: frozenset[str]
+        guess: Any = None
 
     def find(sought: Any) -> Any:
         tried.append(sought.masks.samples)

@@ -1,8 +1,8 @@
 """The first seconds of a stream: watched until enough has moved, then searched for the mechanism.
 
-What was watched is a clip in memory, so that the search is that of a whole run: background and colours, camera
-and sizes, poses. Its first step, which takes half of the time and needs little motion, is done while more is
-being watched; what it finds is refined in all frames that have come until then.
+What was watched is a clip in memory, so that the search is that of a whole run: background and colours,
+camera and sizes, poses. Its first step, which takes half of the time and needs little motion, is done while
+more is watched; what it finds is refined in all frames that have come by then.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from monodyn.doubtful import doubtful_sight
 from monodyn.errors import MonodynError, VideoError
 from monodyn.estimation.wording import listed
 from monodyn.live.record import joined
-from monodyn.live.settings import LiveSettings
 from monodyn.live.tracker import Tracker
 from monodyn.mechanism import Mechanism
 from monodyn.results.sight import Sight
@@ -116,7 +115,7 @@ class Beginning:
     def lacks(self) -> str:
         """What the next step of the search waits for, in sentences."""
         more = f"{max(self.needed - self.moving, 0.0):.1f} s {'more ' if self.moving else ''}of motion"
-        said = [self.why, "Nothing moves." if self.still else "", f"The search needs {more}."]
+        said = [self.why, "Nothing is seen to move." if self.still else "", f"The search needs {more}."]
         return " ".join(filter(None, said))
 
     def add(self, frame: Frame) -> None:
@@ -148,42 +147,22 @@ class Beginning:
         """Keep what is there while it is looked at; what there is no room for is left out."""
         self._holds = True
 
-    def guessed_at(self, guess: SceneGuess | None) -> None:
-        """Go on watching after the first step of the search.
+    def go_on(self, outcome: SceneGuess | MonodynError) -> None:
+        """Go on watching after a step of the search that has not found the mechanism yet.
 
         Args:
-            guess: What it found, or None.
+            outcome: A guess where it is, or why there is none.
         """
-        self.guessed, self.guess, self._holds = True, guess, False
-        self.needed, self.why = self._seconds, "" if guess is None else hardly_shown(guess)
-
-    def in_vain(self, why: str) -> None:
-        """Wait for more motion after a search that found nothing.
-
-        Args:
-            why: Why it did not.
-        """
-        self.needed, self._holds, self.guess, self.why = AGAIN * self.moving, False, None, why
+        self.needed = AGAIN * self.moving if self.guessed else self._seconds
+        self.guessed, self._holds = True, False
+        self.guess = outcome if isinstance(outcome, SceneGuess) else None
+        self.why = hardly_shown(outcome) if isinstance(outcome, SceneGuess) else str(outcome)
 
     def _too_many(self) -> bool:
         """Return whether the oldest frame gives way: nothing moved since, or there is no room."""
         first, last = self.frames[0], self.frames[-1]
         still = self.moving == 0.0 and last.time - first.time > STILL_KEPT
         return still or (self._held > MOST_HELD and len(self.frames) > 2)
-
-
-class Setup(NamedTuple):
-    """What is looked for, and how.
-
-    Attributes:
-        mechanism: The mechanism with the user's choices.
-        live: How the stream is followed.
-        settings: How each stage goes.
-    """
-
-    mechanism: Mechanism
-    live: LiveSettings
-    settings: RunSettings
 
 
 class Begun(NamedTuple):
@@ -202,7 +181,9 @@ class Begun(NamedTuple):
     count: int
 
 
-def begin(watched: Beginning, name: str, setup: Setup) -> Begun | SceneGuess | MonodynError:
+def begin(
+    watched: Beginning, name: str, mechanism: Mechanism, settings: RunSettings
+) -> Begun | SceneGuess | MonodynError:
     """Look for the mechanism in the first seconds, and follow it through what comes meanwhile.
 
     The first time it is only guessed where the mechanism is.
@@ -210,7 +191,8 @@ def begin(watched: Beginning, name: str, setup: Setup) -> Begun | SceneGuess | M
     Args:
         watched: What was watched; more frames may come to it while it is looked at.
         name: Name of the stream.
-        setup: What is looked for, and how.
+        mechanism: The mechanism with the user's choices.
+        settings: How each stage goes.
 
     Returns:
         What was found, or why nothing was.
@@ -218,14 +200,12 @@ def begin(watched: Beginning, name: str, setup: Setup) -> Begun | SceneGuess | M
     frames = tuple(watched.frames)
     try:
         if not watched.guessed:
-            masks = _segmented(frames, name, setup.settings)
-            fix, free = camera_choices(setup.settings)
-            locating = setup.settings.locate
-            return first_guess(Sought(masks, setup.mechanism, locating, fix, free, lambda *_: None))
-        found = search(frames, name, setup.mechanism, setup.settings, watched.guess)
+            masks, choices = _segmented(frames, name, settings), camera_choices(settings)
+            return first_guess(Sought(masks, mechanism, settings.locate, *choices, lambda *_: None))
+        found = search(frames, name, mechanism, settings, watched.guess)
     except MonodynError as error:
         return error
-    tracker, count, rows = Tracker(found.scene, setup.settings.track, frames), len(frames), list[Poses]()
+    tracker, count, rows = Tracker(found.scene, settings.track, frames), len(frames), list[Poses]()
     rounds = 0
     # what came meanwhile is followed faster than frames come, or it never ends
     while len(watched.frames) - count > FEW and rounds < ROUNDS:
@@ -237,12 +217,9 @@ def begin(watched: Beginning, name: str, setup: Setup) -> Begun | SceneGuess | M
 
 
 def search(
-    frames: Sequence[Frame],
-    name: str,
-    mechanism: Mechanism,
-    settings: RunSettings,
+    frames: Sequence[Frame], name: str, mechanism: Mechanism, settings: RunSettings,
     guess: SceneGuess | None = None,
-) -> Found:
+) -> Found:  # fmt: skip
     """Look for the mechanism in what was watched, and follow it there.
 
     Args:
@@ -260,9 +237,7 @@ def search(
     """
     masks = _segmented(frames, name, settings)
     fix, free = camera_choices(settings)
-    scene = locate(
-        masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, guess=guess
-    )
+    scene = locate(masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, guess=guess)
     poses, span = track_freely(scene.masks, scene, settings.track)
     part = poses[slice(*np.searchsorted(poses.frame, span[:2]))]
     sight = Sight(
@@ -295,11 +270,11 @@ def hardly_shown(guess: SceneGuess) -> str:
         for joint, turn in zip(mechanism.joints, turned, strict=True)
         if joint.kind == "hinge" and turn < HARDLY_TURNED
     ]
-    said = [f"{listed(joints)} turn by less than {np.rad2deg(HARDLY_TURNED):.0f} deg"] if joints else []
+    said = [f"less than 10 deg of turning at {listed(joints)}"] if joints else []
     covered = [covered_pixels(mechanism, guess.camera, q, margin=0.0) for q in guess.positions]
     behind = np.all(covered, axis=0).sum() / max(np.mean([pixels.sum() for pixels in covered]), 1.0)
-    said += [f"{behind:.0%} of the mechanism never uncover what is behind"] if behind > BEHIND else []
-    return f"So far, by a first guess, {' and '.join(said)}." if said else ""
+    said += [f"nothing of what is behind {behind:.0%} of the mechanism"] if behind > BEHIND else []
+    return f"So far a first guess shows {', and '.join(said)}." if said else ""
 
 
 def as_clip(frames: Sequence[Frame], name: str) -> Video:

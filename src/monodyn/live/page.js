@@ -2,7 +2,7 @@
 "use strict";
 const at = (id) => document.getElementById(id);
 const minus = (text) => String(text).replace("-", "\u2212");
-const phases = { watching: "waiting for motion", searching: "looking for the mechanism", following: "following" };
+const phases = { watching: "watching", searching: "looking for the mechanism", following: "following" };
 const shown = { rad: [180 / Math.PI, "deg"], m: [1000, "mm"] };
 
 // A value with half its interval: two digits of that, and the value down to there.

@@ -18,7 +18,7 @@ import numpy as np
 from monodyn.checks import drawn_mechanism
 from monodyn.errors import MonodynError, VideoError
 from monodyn.live.applied import Applied
-from monodyn.live.begin import Beginning, Begun, Found, Setup, begin
+from monodyn.live.begin import Beginning, Begun, Found, begin
 from monodyn.live.clock import Clock
 from monodyn.live.feed import Arrival, Feed
 from monodyn.live.foreseen import Foreseen
@@ -121,7 +121,7 @@ class Session:
         self.identifier = Identifier(
             live, settings.identify, in_order=not source.live, acting=self._applied.between
         )
-        self._live, self._setup = live, Setup(mechanism, live, settings)
+        self._live, self._settings, self._mechanism = live, settings, mechanism
         # a clip keeps its clock, which its tables and its film have too
         self._feed, self._clock = Feed(source, live.queue), Clock(None if source.video else 0.0)
         self._beginning = Beginning(live.begin)
@@ -211,7 +211,9 @@ class Session:
             watched.hold()
             seconds = watched.frames[-1].time - watched.frames[0].time
             self.said = f"Looking for the mechanism in the last {seconds:.1f} s. {watched.why}".rstrip()
-            self._search = self._worker.submit(begin, watched, self.source.name, self._setup)
+            self._search = self._worker.submit(
+                begin, watched, self.source.name, self._mechanism, self._settings
+            )
         if self._search is not None and (self._search.done() or not self.source.live):
             self._take_over(self._search.result())
 
@@ -219,10 +221,7 @@ class Session:
         """Go on from what a step of the search has found."""
         self._search, watched = None, self._beginning
         if not isinstance(begun, Begun):
-            if watched.guessed:
-                watched.in_vain(str(begun))
-            else:
-                watched.guessed_at(begun if isinstance(begun, SceneGuess) else None)
+            watched.go_on(begun)
             self.said = watched.lacks
             return
         self.said = "The mechanism is followed; its parameters are being identified."
