@@ -121,7 +121,7 @@ def test_what_was_found_is_printed_and_the_code_is_that_of_the_verdict(play):
     assert followed().fit.status in done.out
     assert "- A remark." in done.out
     assert "- A note." in done.out
-    assert "clip.mp4: Nothing is seen to move. The search needs 0.5 s of motion." not in done.out
+    assert "clip.mp4: Waiting for motion." not in done.out
     # the plain lines of the end
     assert "1.5 s, following" in done.err
     refused = followed().fit.doubted([Doubt("refused", "It is another mechanism.")])
@@ -143,7 +143,7 @@ def test_a_stream_that_shows_nothing_has_exit_code_1_and_says_why(play):
     play(watched(30))
     done = command(*WORDS, "--quiet", "--json")
     assert done.code == 1
-    assert done.err == "monodyn: nothing was identified: in 1.0 s. Nothing is seen to move. The search needs 0.5 s of motion.\n"
+    assert done.err == "monodyn: nothing was identified: in 1.0 s. Waiting for motion.\n"
     assert json.loads(done.out)["phase"] == "watching"
     play()
     done = command(*WORDS)

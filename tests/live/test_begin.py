@@ -11,7 +11,7 @@ import pytest
 from lives import double, scene
 from monodyn.errors import VideoError
 from monodyn.live import begin as begun
-from monodyn.live.begin import STILL_KEPT, Beginning, as_clip, hardly_shown, numbered, search
+from monodyn.live.begin import STILL_KEPT, Beginning, as_clip, hardly_shown, numbered
 from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import pictures_of
 from monodyn.live.stream import Session
@@ -71,8 +71,8 @@ def test_it_is_said_what_a_search_lacks():
     assert watched.lacks == "Nothing is seen to move. The search needs 0.2 s more of motion."
     watched.go_on(replace(guess(0.5, 0.5), positions=np.array([[0.0, 0.0], [0.5, 0.1], [1.0, 0.1]])))
     assert watched.lacks == (
-        "So far a first guess shows less than 10 deg of turning at joint2. Nothing is seen to move. The search "
-        "needs 1.2 s more of motion."
+        "So far a first guess shows less than 10 deg of turning at joint2. Nothing is seen to move. "
+        "The search needs 1.2 s more of motion."
     )
     watched.add(noisy(16, moving=True, rng=rng))
     watched.go_on(VideoError("Nothing is there."))
@@ -116,7 +116,7 @@ def test_what_is_guessed_first_is_where_the_search_begins(monkeypatch):
         steps.append(("guess", sought.masks.count))
         return first
 
-    def searched(frames, name, mechanism, settings, given):
+    def searched(frames, masks, mechanism, settings, given):
         steps.append((given, len(frames)))
         raise VideoError("nothing is there")
 
@@ -173,9 +173,12 @@ def test_a_camera_that_moves_is_refused(monkeypatch):
     moving = SimpleNamespace(video=SimpleNamespace(camera_path=object()))
     monkeypatch.setattr(begun, "segment", lambda *_, **__: moving)
     rng = np.random.default_rng(0)
-    frames = [noisy(k, moving=True, rng=rng) for k in range(4)]
-    with refuses(VideoError, "camera 0: expected a camera that stands still, got one that moves; fasten it."):
-        search(frames, "camera 0", load("double"), RunSettings())
+    watched = Beginning(0.5)
+    for k in range(4):
+        watched.add(noisy(k, moving=True, rng=rng))
+    error = begun.begin(watched, "camera 0", load("double"), RunSettings())
+    assert isinstance(error, VideoError)
+    assert str(error) == "camera 0: expected a camera that stands still, got one that moves; fasten it."
 
 
 def test_a_mechanism_of_dots_is_refused_before_the_first_frame(monkeypatch):

@@ -42,7 +42,7 @@ def begun():
         identifier = Identifier(LiveSettings(), IdentifySettings(), in_order=False)
         made.append(identifier)
         found: Any = SimpleNamespace(scene=None, poses=rows(0, 45), doubt="")
-        identifier.begin(cast(Any, SimpleNamespace(found=found, later=later)))
+        identifier.begin(found, later)
         identifier._take_up(Reviewed(identified(), None, 44 / RATE))
         return identifier
 

@@ -197,12 +197,14 @@ def begin(
     Returns:
         What was found, or why nothing was.
     """
-    frames = tuple(watched.frames)
+    frames, choices = tuple(watched.frames), camera_choices(settings)
     try:
+        masks = segment(as_clip(frames, name), settings.segment, background=settings.background)
+        if masks.video.camera_path is not None:
+            raise VideoError(f"{name}: expected a camera that stands still, got one that moves; fasten it.")
         if not watched.guessed:
-            masks, choices = _segmented(frames, name, settings), camera_choices(settings)
             return first_guess(Sought(masks, mechanism, settings.locate, *choices, lambda *_: None))
-        found = search(frames, name, mechanism, settings, watched.guess)
+        found = search(frames, masks, mechanism, settings, watched.guess)
     except MonodynError as error:
         return error
     tracker, count, rows = Tracker(found.scene, settings.track, frames), len(frames), list[Poses]()
@@ -217,14 +219,14 @@ def begin(
 
 
 def search(
-    frames: Sequence[Frame], name: str, mechanism: Mechanism, settings: RunSettings,
-    guess: SceneGuess | None = None,
+    frames: Sequence[Frame], masks: Masks, mechanism: Mechanism, settings: RunSettings,
+    guess: SceneGuess | None,
 ) -> Found:  # fmt: skip
     """Look for the mechanism in what was watched, and follow it there.
 
     Args:
         frames: The frames.
-        name: Name of the stream.
+        masks: Their masks.
         mechanism: The mechanism with the user's choices.
         settings: How each stage goes.
         guess: About where it is; None where nothing is known.
@@ -233,28 +235,16 @@ def search(
         What was found.
 
     Raises:
-        VideoError: the camera moves; from deeper down: the mechanism is not found.
+        MonodynError: From deeper down: the mechanism is not found.
     """
-    masks = _segmented(frames, name, settings)
     fix, free = camera_choices(settings)
     scene = locate(masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, guess=guess)
     poses, span = track_freely(scene.masks, scene, settings.track)
     part = poses[slice(*np.searchsorted(poses.frame, span[:2]))]
-    sight = Sight(
-        masks.video, masks=masks, scene=scene, poses=poses, fit_frames=span[:2], free_frames=span[:2]
-    )
-    doubt = doubtful_sight(sight, part) or ""
+    doubt = doubtful_sight(Sight(scene.video, scene.masks, scene, part), part) or ""
     part = replace(part, frame=np.array([frames[number].index for number in part.frame]))
     others = left_out(scene.masks.background, given=settings.segment.roi is not None)
     return Found(_everywhere(scene), part, doubt, (*scene.advice, *others, *span.notes), frames[-1].index)
-
-
-def _segmented(frames: Sequence[Frame], name: str, settings: RunSettings) -> Masks:
-    """Return the masks of what was watched, where the camera stands still."""
-    masks = segment(as_clip(frames, name), settings.segment, background=settings.background)
-    if masks.video.camera_path is not None:
-        raise VideoError(f"{name}: expected a camera that stands still, got one that moves; fasten it.")
-    return masks
 
 
 def hardly_shown(guess: SceneGuess) -> str:

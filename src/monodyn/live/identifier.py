@@ -13,7 +13,7 @@ import numpy as np
 
 from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.live.begin import Begun, numbered
+from monodyn.live.begin import Found, numbered
 from monodyn.live.estimate import Estimate
 from monodyn.live.horizon import LONGEST_GAP, Acting, Horizon, followed_from, horizon_of
 from monodyn.live.record import Record, joined
@@ -106,18 +106,19 @@ class Identifier:
         one counts from the first frame that is identified with it. None before one."""
         return self.fit if self.estimate is None else self.estimate.base
 
-    def begin(self, begun: Begun) -> None:
+    def begin(self, found: Found, later: Poses | None = None) -> None:
         """Begin with what the first seconds have shown.
 
         Args:
-            begun: It.
+            found: It.
+            later: Poses of what came while the mechanism was looked for; None for nothing.
         """
-        found, self._scene, self._doubt = begun.found, begun.found.scene, begun.found.doubt
+        self._scene, self._doubt = found.scene, found.doubt
         self.record.add(found.poses)
         self.cut, self._seen = Cut(float(found.poses.time[0])), float(found.poses.time[-1])
         self._moved = np.nanstd(found.poses.position, axis=0)
-        if begun.later is not None:
-            self._recorded(begun.later)
+        if later is not None:
+            self._recorded(later)
         self._begun, self._next = self._seen, -math.inf
         self._look_again(self._seen)
         if self._in_order:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.live.begin import Begun, Found
+from monodyn.live.begin import Found
 from monodyn.live.horizon import LONGEST_GAP
 from monodyn.live.identifier import Cut, Identifier
 from monodyn.live.record import joined
@@ -82,7 +82,7 @@ def cut_with_all(
         whole = scene.doubt.with_shifts(whole, slides)
     again = Identifier(live, settings.identify, in_order=True)
     try:
-        again.begin(Begun(found, Tracker(scene, settings.track, ()), None, 0))
+        again.begin(found)
         until = float(ends[long[-1] + 1]) + live.begin
         for row in range(*np.searchsorted(whole.time, [found.poses.time[-1] + 1e-9, until]).tolist()):
             again.take(whole[row : row + 1])

@@ -226,7 +226,7 @@ class Session:
             return
         self.said = "The mechanism is followed; its parameters are being identified."
         self.found, self._tracker = begun.found, begun.tracker
-        self.identifier.begin(begun)
+        self.identifier.begin(begun.found, begun.later)
         for later in watched.frames[begun.count :]:
             self.identifier.take(self._tracker.follow(later, self._expected(later.time)))
         self._beginning = Beginning(self._live.begin)
