@@ -34,15 +34,18 @@ def rows(first: int, stop: int, seen: bool = True) -> Poses:
 
 
 @pytest.fixture
-def begun():
+def begun(monkeypatch):
     """Return an identifier that has begun with frames 0 to 44, and with later ones."""
     made = []
 
     def beginning(later: Poses | None = None) -> Identifier:
         identifier = Identifier(LiveSettings(), IdentifySettings(), in_order=False)
         made.append(identifier)
-        found: Any = SimpleNamespace(scene=None, poses=rows(0, 45), doubt="")
-        identifier.begin(found, later)
+        found: Any = SimpleNamespace(poses=rows(0, 45))
+        with monkeypatch.context() as patched:
+            patched.setattr(identifier, "_look_again", lambda _: None)
+            identifier.begin(found, later)
+        identifier._found = None
         identifier._take_up(Reviewed(identified(), None, 44 / RATE))
         return identifier
 
@@ -116,10 +119,10 @@ def test_the_record_keeps_what_moves_all_positions_for_a_while_and_the_rest_for_
     np.testing.assert_allclose(whole.position, rows(0, 150).position)
 
 
-def located(mechanism: object) -> Any:
-    """Return a scene that was found in the frames from 30 to 44."""
+def located(mechanism: object, doubt: str | None = None) -> Any:
+    """Return what was found in the frames from 30 to 44."""
     video = SimpleNamespace(times=np.arange(30, 45) / RATE)
-    return SimpleNamespace(mechanism=mechanism, video=video)
+    return SimpleNamespace(scene=SimpleNamespace(mechanism=mechanism, video=video), doubt=doubt)
 
 
 class Estimating:
@@ -288,7 +291,7 @@ def test_of_a_stretch_that_ends_upright_nothing_is_identified(
 
 def test_a_stretch_that_the_pictures_contradict_is_refused(begun, monkeypatch):
     """As after a run: what is reported of a stretch is drawn again before it gets its grade."""
-    fit, scene, drawn = identified(), located("the mechanism"), []
+    fit, found, drawn = identified(), located("the mechanism"), []
 
     def contradicted(*given: Any) -> Any:
         drawn.append(given)
@@ -297,9 +300,9 @@ def test_a_stretch_that_the_pictures_contradict_is_refused(begun, monkeypatch):
     monkeypatch.setattr("monodyn.live.identifier.identify", lambda *_: fit)
     monkeypatch.setattr("monodyn.live.identifier.horizon_of", lambda fit, *_: fit.ok or None)
     monkeypatch.setattr("monodyn.live.identifier.redrawn", contradicted)
-    done = begun()._reviewed(rows(30, 91), scene, None)
-    ((given, before, poses),) = drawn
-    assert (given, before) == (fit, scene)
+    done = begun()._reviewed(rows(30, 91), found, None)
+    ((given, scene, poses),) = drawn
+    assert (given, scene) == (fit, found.scene)
     # by the pictures of the clip in which the scene was found, which began after a second
     assert poses.frame[:15].tolist() == list(range(15))
     assert min(poses.frame[15:]) > 14
@@ -313,8 +316,7 @@ def test_no_fit_of_a_scene_that_is_in_doubt_is_trusted(begun, monkeypatch):
     monkeypatch.setattr("monodyn.live.identifier.redrawn", lambda fit, *_: fit)
     identifier = begun()
     assert identifier._reviewed(rows(0, 91), located(None), None).fit.grade == "trusted"
-    identifier._doubt = "It is something else."
-    refused = identifier._reviewed(rows(0, 91), located(None), None).fit
+    refused = identifier._reviewed(rows(0, 91), located(None, "It is something else."), None).fit
     assert (refused.grade, refused.status) == ("refused", "It is something else.")
 
 
@@ -322,7 +324,7 @@ def test_it_is_looked_again_soon_after_a_stretch_that_was_left_out(begun, monkey
     """But not later than where the motion has begun anew meanwhile."""
     for broken in (False, True):
         identifier = begun(rows(45, 120))
-        identifier._scene = cast(Any, "the scene")
+        identifier._found = cast(Any, "what was found")
         left_out = cast(Any, SimpleNamespace(done=lambda: True, result=lambda: None))
         monkeypatch.setattr(identifier._long, "submit", lambda *_, left_out=left_out: left_out)
         now, before = identifier._next, identifier.fit
@@ -338,11 +340,11 @@ def test_it_is_looked_again_soon_after_a_stretch_that_was_left_out(begun, monkey
 @pytest.mark.parametrize("goes_on", [True, False])
 def test_only_a_fit_that_something_goes_on_from_says_what_can_be_followed(begun, monkeypatch, goes_on):
     identifier, asked = begun(rows(45, 120)), []
-    identifier._scene = cast(Any, "the scene")
+    identifier._found = cast(Any, "what was found")
     identifier._horizon = cast(Any, SimpleNamespace()) if goes_on else None
     monkeypatch.setattr(identifier._long, "submit", lambda *given: asked.append(given))
     identifier._look_again(identifier._next)
-    ((_, poses, scene, known),) = asked
-    assert scene == "the scene"
+    ((_, poses, found, known),) = asked
+    assert found == "what was found"
     assert len(poses) == 120
     assert known is (identifier.fit if goes_on else None)

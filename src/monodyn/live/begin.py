@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,8 +56,6 @@ HARDLY_TURNED, BEHIND = np.deg2rad(10.0), 0.5
 """What a guess says is lacking: turns of a hinge below this [rad], a sixth of which the far end of its link
 moves to the side; a share of the mechanism behind which nothing was seen above that, which is several times
 that of a link about its pivot."""
-FEW, ROUNDS = 2, 10
-"""Frames that are left to whoever takes the next ones, and how often it is looked how many came meanwhile."""
 MOST_HELD = 256_000_000
 """Bytes of pictures that are held at most; then the oldest give way."""
 
@@ -67,17 +67,22 @@ class Found:
     Attributes:
         scene: Mechanism and camera; its masks cover the whole picture, wherever the mechanism goes.
         poses: The poses of those of the frames in which nothing holds the mechanism.
-        doubt: Why no fit to poses of this scene is to be trusted, a sentence; empty where none speaks
-            against it.
+        sight: What was seen up to there, by the numbers of the frames watched.
         notes: What people should know, in sentences.
         until: Number in the stream of the last frame that was watched.
     """
 
     scene: Scene
     poses: Poses
-    doubt: str
+    sight: Sight
     notes: tuple[str, ...]
     until: int
+
+    @cached_property
+    def doubt(self) -> str | None:
+        """Why no fit to poses of this scene is to be trusted, a sentence; None without a reason."""
+        assert self.sight.poses is not None
+        return doubtful_sight(self.sight, self.sight.poses)
 
 
 class Beginning:
@@ -94,16 +99,15 @@ class Beginning:
         guessed: Whether the first step has been taken.
         guess: What it found; None where it found nothing.
         why: What the last step lacked, a sentence, or nothing.
-        left_out: Frames for which there was no room while the mechanism was looked for.
+        holds: Whether it is looked at: what is there is kept, and what there is no room for is left out.
     """
 
     def __init__(self, seconds: float) -> None:
         self.frames: list[Frame] = []
-        self.moving, self.needed, self.left_out = 0.0, FIRST * seconds, 0
+        self.moving, self.needed, self._seconds = 0.0, FIRST * seconds, seconds
         self.still, self.guessed, self.why = True, False, ""
         self.guess: SceneGuess | None = None
-        self._seconds = seconds
-        self._held, self._holds = 0, False
+        self.holds, self._held = False, 0
         self._before: deque[tuple[float, np.ndarray]] = deque()
 
     @property
@@ -135,17 +139,12 @@ class Beginning:
             self.still = int(np.sum(change > level)) < LEAST_MOVED
             self.moving += 0.0 if self.still else frame.time - before[-1][0]
         before.append((frame.time, small))
-        if self._holds and self._held > MOST_HELD:
-            self.left_out += 1
+        if self.holds and self._held > MOST_HELD:
             return
         self.frames.append(frame)
         self._held += _size(frame)
-        while not self._holds and self._too_many():
+        while not self.holds and self._too_many():
             self._held -= _size(self.frames.pop(0))
-
-    def hold(self) -> None:
-        """Keep what is there while it is looked at; what there is no room for is left out."""
-        self._holds = True
 
     def go_on(self, outcome: SceneGuess | MonodynError) -> None:
         """Go on watching after a step of the search that has not found the mechanism yet.
@@ -154,7 +153,7 @@ class Beginning:
             outcome: A guess where it is, or why there is none.
         """
         self.needed = AGAIN * self.moving if self.guessed else self._seconds
-        self.guessed, self._holds = True, False
+        self.guessed, self.holds = True, False
         self.guess = outcome if isinstance(outcome, SceneGuess) else None
         self.why = hardly_shown(outcome) if isinstance(outcome, SceneGuess) else str(outcome)
 
@@ -207,15 +206,11 @@ def begin(
         found = search(frames, masks, mechanism, settings, watched.guess)
     except MonodynError as error:
         return error
-    tracker, count, rows = Tracker(found.scene, settings.track, frames), len(frames), list[Poses]()
-    rounds = 0
-    # what came meanwhile is followed faster than frames come, or it never ends
-    while len(watched.frames) - count > FEW and rounds < ROUNDS:
-        rounds += 1
-        for frame in watched.frames[count:]:
-            rows.append(tracker.follow(frame))
-            count += 1
-    return Begun(found, tracker, joined(rows) if rows else None, count)
+    tracker, count = Tracker(found.scene, settings.track, frames), len(frames)
+    # more come while these are followed; where that is no faster than they come it ends all the same
+    meanwhile = islice(watched.frames, count, 2 * len(watched.frames))
+    rows = [tracker.follow(frame) for frame in meanwhile]
+    return Begun(found, tracker, joined(rows) if rows else None, count + len(rows))
 
 
 def search(
@@ -241,10 +236,10 @@ def search(
     scene = locate(masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, guess=guess)
     poses, span = track_freely(scene.masks, scene, settings.track)
     part = poses[slice(*np.searchsorted(poses.frame, span[:2]))]
-    doubt = doubtful_sight(Sight(scene.video, scene.masks, scene, part), part) or ""
+    sight = Sight(scene.video, scene.masks, scene, part)
     part = replace(part, frame=np.array([frames[number].index for number in part.frame]))
     others = left_out(scene.masks.background, given=settings.segment.roi is not None)
-    return Found(_everywhere(scene), part, doubt, (*scene.advice, *others, *span.notes), frames[-1].index)
+    return Found(_everywhere(scene), part, sight, (*scene.advice, *others, *span.notes), frames[-1].index)
 
 
 def hardly_shown(guess: SceneGuess) -> str:
@@ -255,11 +250,8 @@ def hardly_shown(guess: SceneGuess) -> str:
     """
     mechanism, turned = guess.mechanism, guess.positions - guess.positions[0]
     turned = np.ptp((turned + np.pi) % (2.0 * np.pi) - np.pi, axis=0)
-    joints = [
-        joint.name
-        for joint, turn in zip(mechanism.joints, turned, strict=True)
-        if joint.kind == "hinge" and turn < HARDLY_TURNED
-    ]
+    pairs = zip(mechanism.joints, turned, strict=True)
+    joints = [joint.name for joint, turn in pairs if joint.kind == "hinge" and turn < HARDLY_TURNED]
     said = [f"less than 10 deg of turning at {listed(joints)}"] if joints else []
     covered = [covered_pixels(mechanism, guess.camera, q, margin=0.0) for q in guess.positions]
     behind = np.all(covered, axis=0).sum() / max(np.mean([pixels.sum() for pixels in covered]), 1.0)

@@ -121,7 +121,7 @@ class Session:
         self.identifier = Identifier(
             live, settings.identify, in_order=not source.live, acting=self._applied.between
         )
-        self._live, self._settings, self._mechanism = live, settings, mechanism
+        self._live, self._sought = live, (source.name, mechanism, settings)
         # a clip keeps its clock, which its tables and its film have too
         self._feed, self._clock = Feed(source, live.queue), Clock(None if source.video else 0.0)
         self._beginning = Beginning(live.begin)
@@ -208,12 +208,10 @@ class Session:
         if self._search is None:
             self.said = watched.lacks
         if self._search is None and watched.ready:
-            watched.hold()
+            watched.holds = True
             seconds = watched.frames[-1].time - watched.frames[0].time
             self.said = f"Looking for the mechanism in the last {seconds:.1f} s. {watched.why}".rstrip()
-            self._search = self._worker.submit(
-                begin, watched, self.source.name, self._mechanism, self._settings
-            )
+            self._search = self._worker.submit(begin, watched, *self._sought)
         if self._search is not None and (self._search.done() or not self.source.live):
             self._take_over(self._search.result())
 

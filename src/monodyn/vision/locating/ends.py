@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.cores import on_all_cores
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.ends import plain_bodies, with_ends
 from monodyn.vision.drawing.follow import EdgeSearch
@@ -100,12 +99,9 @@ def seen_ends(
         shares = {body: round_share(best.mechanism, body) for body in some}
         other = file | {body: 0.0 if bodies[body] else share for body, share in shares.items()}
         reaching = file | {body: share if bodies[body] else 0.0 for body, share in shares.items()}
-        tried = [
-            (best, how, how is not reaching and how.keys() == ends.keys()) for how in (file, other, reaching)
-        ]
-        first, second, longer = on_all_cores(lambda one: one[0] if one[2] else refined(*one[:2]), tried)
+        first, second = (best if how.keys() == ends.keys() else refined(best, how) for how in (file, other))
         # the other ends have overhangs, which are nothing that speaks for them
-        gain = fall(second, first) - max(fall(longer, first), 0.0)
+        gain = fall(second, first) - max(fall(refined(best, reaching), first), 0.0)
         best, ends = (second, ends | other) if gain > CLEAR**2 else (first, file)
         if abs(gain) < CLEAR**2 and len(some) == 1:
             alternatives.append(_spread(first, second))
