@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,7 +12,7 @@ import pytest
 from lives import double, scene
 from monodyn.errors import VideoError
 from monodyn.live import begin as begun
-from monodyn.live.begin import STILL_KEPT, Beginning, as_clip, hardly_shown, numbered
+from monodyn.live.begin import STILL_KEPT, Beginning, Begun, as_clip, hardly_shown, numbered
 from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import pictures_of
 from monodyn.live.stream import Session
@@ -19,6 +20,7 @@ from monodyn.mechanism import load
 from monodyn.settings import RunSettings
 from monodyn.types import Frame, Poses
 from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.release import FreeSpan
 from support import refuses
 
 
@@ -137,6 +139,33 @@ def test_what_is_guessed_first_is_where_the_search_begins(monkeypatch):
     assert most == pytest.approx(1.5 * more, abs=2.0)
 
 
+def test_a_guess_that_explains_little_says_nothing():
+    """It is dropped, and the search is that of a whole run."""
+    watched = Beginning(1.5)
+    watched.go_on(replace(guess(0.5, 0.1), mismatch=np.full(5, 0.4)))
+    assert (watched.guess, watched.why) == (None, "")
+    better = replace(guess(0.5, 0.1), mismatch=np.full(5, 0.3))
+    watched.go_on(better)
+    assert watched.guess is better
+
+
+def test_a_mechanism_that_no_frame_shows_is_not_found(monkeypatch):
+    pose = np.full((4, 2), np.nan)
+    nowhere = Poses(
+        ("joint1", "joint2"), np.arange(4), np.arange(4) / 30.0, pose, np.ones((4, 2, 2)), np.zeros(4, bool)
+    )
+    masks = SimpleNamespace(video=None, background=None)
+    found = SimpleNamespace(masks=masks, video=None, advice=())
+    monkeypatch.setattr(begun, "locate", lambda *_, **__: found)
+    monkeypatch.setattr(begun, "track_freely", lambda *_: (nowhere, FreeSpan(0, 4, ())))
+    monkeypatch.setattr(begun, "left_out", lambda *_, **__: ())
+    monkeypatch.setattr(begun, "doubtful_sight", lambda sight, part: f"{len(part)} frames show nothing.")
+    rng = np.random.default_rng(0)
+    frames = [noisy(k, moving=True, rng=rng) for k in range(4)]
+    with refuses(VideoError, "4 frames show nothing."):
+        begun.search(frames, masks, load("double"), RunSettings(), None)
+
+
 def test_poses_of_a_stream_have_the_numbers_of_the_clip_in_which_it_was_found():
     """What was still before it moved was dropped, and what came later is not in the clip."""
     frame, pose = np.arange(30, 40), np.zeros((10, 1))
@@ -208,9 +237,45 @@ def test_it_is_said_what_is_looked_at(monkeypatch):
     with Session(source, load("double"), LiveSettings(begin=1.0), RunSettings()) as session:
         steps = list(session.steps())
     assert steps[5].said == "The search needs 0.2 s more of motion."
-    assert steps[-1].said == "Nothing is there. The search needs 0.2 s more of motion."
+    assert steps[-1].said == "Nothing is there. The search needs 0.3 s more of motion."
     seconds = (
         said[1].removeprefix("Looking for the mechanism in the last ").removesuffix(" s. Nothing is there.")
     )
     assert said[1] == f"Looking for the mechanism in the last {seconds} s. Nothing is there."
     assert 0.9 < float(seconds) < 1.2
+
+
+def test_it_is_followed_before_it_is_identified(monkeypatch):
+    pose = Poses(
+        ("joint1",), np.zeros(1, int), np.zeros(1), np.zeros((1, 1)), np.ones((1, 1, 1)), np.ones(1, bool)
+    )
+    tracker = SimpleNamespace(follow=lambda *_: pose)
+    shown = Begun(SimpleNamespace(scene=None), tracker, None, 1000)
+    monkeypatch.setattr("monodyn.live.stream.begin", lambda *_: shown)
+    rng = np.random.default_rng(0)
+    source = pictures_of([noisy(k, moving=True, rng=rng) for k in range(20)], 30.0)
+    with Session(source, load("double"), LiveSettings(begin=0.9), RunSettings()) as session:
+        monkeypatch.setattr(session.identifier, "begin", lambda *_: None)
+        monkeypatch.setattr(session.identifier, "take", lambda *_, **__: None)
+        steps = list(session.steps())
+    assert (steps[0].phase, steps[-1].phase) == ("watching", "following")
+    assert steps[-1].said == "The mechanism is followed; its parameters are being identified."
+
+
+def test_a_stream_that_ends_during_the_guess_is_searched_all_the_same(monkeypatch):
+    """Where a machine is so slow that the clip is over by then."""
+    asked = []
+
+    def looked(watched, *_):
+        asked.append(watched.guessed)
+        return VideoError("Nothing is there.")
+
+    monkeypatch.setattr("monodyn.live.stream.begin", looked)
+    rng = np.random.default_rng(0)
+    source = pictures_of([noisy(k, moving=True, rng=rng) for k in range(40)], 30.0)
+    with Session(source, load("double"), LiveSettings(begin=1.0), RunSettings()) as session:
+        session._search = Future()
+        session._search.set_result(VideoError("Nothing is there."))
+        monkeypatch.setattr(session, "_watch", lambda frame, **_: session._beginning.add(frame))
+        list(session.steps())
+    assert asked == [True]

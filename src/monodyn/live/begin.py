@@ -33,6 +33,7 @@ from monodyn.vision.drawing.outline import covered_pixels
 from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.foreground.soft import SoftMasks
 from monodyn.vision.foreground.thumbnails import Window
+from monodyn.vision.locating.advice import UNEXPLAINED_SHARE
 from monodyn.vision.locating.locate import Sought, first_guess
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import SceneGuess
@@ -97,7 +98,7 @@ class Beginning:
         still: Whether nothing moves at the last of them.
         needed: Seconds of motion that the next step of the search waits for.
         guessed: Whether the first step has been taken.
-        guess: What it found; None where it found nothing.
+        guess: What it found; None where that explains too little of what moves.
         why: What the last step lacked, a sentence, or nothing.
         holds: Whether it is looked at: what is there is kept, and what there is no room for is left out.
     """
@@ -118,7 +119,8 @@ class Beginning:
     @property
     def lacks(self) -> str:
         """What the next step of the search waits for, in sentences."""
-        more = f"{max(self.needed - self.moving, 0.0):.1f} s {'more ' if self.moving else ''}of motion"
+        tenths = max(np.ceil(10.0 * (self.needed - self.moving) - 1e-6), 0.0)
+        more = f"{0.1 * tenths:.1f} s {'more ' if self.moving else ''}of motion"
         said = [self.why, "Nothing is seen to move." if self.still else "", f"The search needs {more}."]
         return " ".join(filter(None, said))
 
@@ -154,8 +156,10 @@ class Beginning:
         """
         self.needed = AGAIN * self.moving if self.guessed else self._seconds
         self.guessed, self.holds = True, False
-        self.guess = outcome if isinstance(outcome, SceneGuess) else None
-        self.why = hardly_shown(outcome) if isinstance(outcome, SceneGuess) else str(outcome)
+        self.guess, self.why = None, "" if isinstance(outcome, SceneGuess) else str(outcome)
+        # one that leaves much of the foreground unexplained says nothing
+        if isinstance(outcome, SceneGuess) and outcome.score < UNEXPLAINED_SHARE:
+            self.guess, self.why = outcome, hardly_shown(outcome)
 
     def _too_many(self) -> bool:
         """Return whether the oldest frame gives way: nothing moved since, or there is no room."""
@@ -239,7 +243,11 @@ def search(
     sight = Sight(scene.video, scene.masks, scene, part)
     part = replace(part, frame=np.array([frames[number].index for number in part.frame]))
     others = left_out(scene.masks.background, given=settings.segment.roi is not None)
-    return Found(_everywhere(scene), part, sight, (*scene.advice, *others, *span.notes), frames[-1].index)
+    notes = (*scene.advice, *others, *span.notes)
+    found = Found(_everywhere(scene), part, sight, notes, frames[-1].index)
+    if not part.measured.any():
+        raise VideoError(found.doubt or "")
+    return found
 
 
 def hardly_shown(guess: SceneGuess) -> str:

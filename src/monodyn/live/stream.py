@@ -158,8 +158,9 @@ class Session:
                     self._applied.forget(step.time - FORGOTTEN * self._live.review)
                 yield step
         # what is being looked at when the stream ends counts as well
-        if self._search is not None:
+        while self._search is not None:
             self._take_over(self._search.result())
+            self._look()
         self.identifier.finish()
 
     def _step(self, arrival: Arrival) -> Step:
@@ -203,17 +204,21 @@ class Session:
         """Take a frame before the mechanism is found; look for it when enough has moved."""
         if broken and self._search is None:
             self._beginning = Beginning(self._live.begin)
-        watched = self._beginning
-        watched.add(frame)
+        self._beginning.add(frame)
         if self._search is None:
-            self.said = watched.lacks
-        if self._search is None and watched.ready:
+            self._look()
+        if self._search is not None and (self._search.done() or not self.source.live):
+            self._take_over(self._search.result())
+
+    def _look(self) -> None:
+        """Take the next step of the search where enough has moved for it; say what it lacks."""
+        watched = self._beginning
+        self.said = watched.lacks if self._tracker is None else self.said
+        if self._tracker is None and watched.ready:
             watched.holds = True
             seconds = watched.frames[-1].time - watched.frames[0].time
             self.said = f"Looking for the mechanism in the last {seconds:.1f} s. {watched.why}".rstrip()
             self._search = self._worker.submit(begin, watched, *self._sought)
-        if self._search is not None and (self._search.done() or not self.source.live):
-            self._take_over(self._search.result())
 
     def _take_over(self, begun: Begun | SceneGuess | MonodynError) -> None:
         """Go on from what a step of the search has found."""
