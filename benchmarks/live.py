@@ -59,7 +59,7 @@ SOON = (
     ("triple", None), ("triple", "chain:3"), ("cartpole", None), ("double_a", None), ("double_b", "double"),
     ("single", None), ("bob", None),
 )  # fmt: skip
-"""Clips of ``MONODYN_DATA`` in which it is looked for, with mechanisms other than those of their own files."""
+"""Clips of ``MONODYN_DATA`` in which it is looked for, some by another mechanism than that of their file."""
 TURNED, MOVED, UNCOVERED = 30.0, 0.1, 0.5
 """Enough motion, by the truth: every hinge has turned by as much since the first frame [deg], every slide has
 moved by this share of its body's length, and this share of the pixels that the mechanism covered in the first

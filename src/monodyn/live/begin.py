@@ -172,7 +172,7 @@ class Begun(NamedTuple):
     """What the first seconds have shown, and what goes on from it.
 
     Attributes:
-        found: Scene, poses and fit.
+        found: Scene and poses.
         tracker: Follows from the last frame on.
         later: Poses of what came while the mechanism was looked for; None for nothing.
         count: How many of the frames that were watched have been followed.
@@ -204,7 +204,7 @@ def begin(
     try:
         masks = segment(as_clip(frames, name), settings.segment, background=settings.background)
         if masks.video.camera_path is not None:
-            raise VideoError(f"{name}: expected a camera that stands still, got one that moves; fasten it.")
+            return VideoError(f"{name}: expected a camera that stands still, got one that moves; fasten it.")
         if not watched.guessed:
             return first_guess(Sought(masks, mechanism, settings.locate, *choices, lambda *_: None))
         found = search(frames, masks, mechanism, settings, watched.guess)
@@ -234,7 +234,7 @@ def search(
         What was found.
 
     Raises:
-        MonodynError: From deeper down: the mechanism is not found.
+        VideoError: No frame shows what was found; from deeper down: the mechanism is not found.
     """
     fix, free = camera_choices(settings)
     scene = locate(masks, mechanism, settings.locate, camera=settings.camera, fix=fix, free=free, guess=guess)
@@ -251,7 +251,7 @@ def search(
 
 
 def hardly_shown(guess: SceneGuess) -> str:
-    """Say what a guess has hardly seen of the mechanism, a sentence, or nothing.
+    """Return what a guess has hardly seen of the mechanism, a sentence, or nothing.
 
     Args:
         guess: The guess.
