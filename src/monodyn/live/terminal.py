@@ -189,12 +189,10 @@ def drawn(shown: Shown, width: int, height: int) -> RenderableType:
     from rich.text import Text
 
     step, pace = shown.step, shown.pace
-    phase = (
-        "stopping" if shown.stopping else "opening" if step is None else PHASES.get(step.phase, step.phase)
-    )
+    phase = "opening" if step is None else PHASES.get(step.phase, step.phase)
     title = Text(overflow="ellipsis", no_wrap=True)
     title.append(shown.name, style="bold")
-    title.append(f"  {phase}")
+    title.append(f"  {'stopping' if shown.stopping else phase}")
     rows: list[RenderableType] = [title]
     if step is not None:
         facts = [f"{step.time:.2f} s", *_speed(pace), f"{step.skipped} skipped"]
