@@ -64,17 +64,17 @@ def test_after_a_search_in_vain_half_as_much_again_is_waited_for():
 def test_it_is_said_what_a_search_lacks():
     """Only what is certain: what has moved so far, and what a step of the search has said."""
     watched, rng = Beginning(1.5), np.random.default_rng(0)
-    assert watched.lacks == "Nothing is seen to move. The search needs 0.5 s of motion."
-    for k in range(8):
+    assert watched.lacks == "Nothing is seen to move. The search needs 0.3 s of motion."
+    for k in range(5):
         watched.add(noisy(k, moving=True, rng=rng))
-    assert watched.lacks == "The search needs 0.3 s more of motion."
-    for k in range(8, 16):
+    assert watched.lacks == "The search needs 0.2 s more of motion."
+    for k in range(5, 16):
         watched.add(noisy(k, moving=False, rng=rng))
-    assert watched.lacks == "Nothing is seen to move. The search needs 0.2 s more of motion."
+    assert watched.lacks == "Nothing is seen to move. The search needs 0.1 s more of motion."
     watched.go_on(replace(guess(0.5, 0.5), positions=np.array([[0.0, 0.0], [0.5, 0.1], [1.0, 0.1]])))
     assert watched.lacks == (
         "So far a first guess shows less than 10 deg of turning at joint2. Nothing is seen to move. "
-        "The search needs 1.2 s more of motion."
+        "The search needs 1.3 s more of motion."
     )
     watched.add(noisy(16, moving=True, rng=rng))
     watched.go_on(VideoError("Nothing is there."))
@@ -110,7 +110,7 @@ def test_what_a_guess_has_hardly_seen_is_said():
 
 
 def test_what_is_guessed_first_is_where_the_search_begins(monkeypatch):
-    """In a third of the motion it is guessed, in all frames so far it is looked for."""
+    """In a fifth of the motion it is guessed, in all frames so far it is looked for."""
     steps = []
     first = guess(1.0, 1.0)
 
@@ -134,7 +134,7 @@ def test_what_is_guessed_first_is_where_the_search_begins(monkeypatch):
         list(session.steps())
     (what, few), (given, more), (none, most) = steps
     assert (what, given, none) == ("guess", first, None)
-    assert few == pytest.approx(0.3 * 30.0, abs=2.0)
+    assert few == pytest.approx(0.18 * 30.0, abs=3.0)
     assert more == pytest.approx(0.9 * 30.0, abs=2.0)
     assert most == pytest.approx(1.5 * more, abs=2.0)
 
@@ -236,7 +236,7 @@ def test_it_is_said_what_is_looked_at(monkeypatch):
     monkeypatch.setattr("monodyn.live.stream.begin", looked)
     with Session(source, load("double"), LiveSettings(begin=1.0), RunSettings()) as session:
         steps = list(session.steps())
-    assert steps[5].said == "The search needs 0.2 s more of motion."
+    assert steps[5].said == "The search needs 0.1 s more of motion."
     assert steps[-1].said == "Nothing is there. The search needs 0.3 s more of motion."
     seconds = (
         said[1].removeprefix("Looking for the mechanism in the last ").removesuffix(" s. Nothing is there.")

@@ -34,7 +34,7 @@ def test_a_stream_in_which_nothing_moves_leaves_what_was_recorded(tmp_path):
     with refuses(
         FitError,
         "pictures: the mechanism was not found before the stream ended: Nothing is seen to move. "
-        "The search needs 0.5 s of motion.",
+        "The search needs 0.3 s of motion.",
     ):
         follow(still, "double", tmp_path / "run")
     assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "failed"
