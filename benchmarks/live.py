@@ -2,8 +2,8 @@
 
 Run: ``MONODYN_DATA=<folder> python benchmarks/live.py [--only NAME ...] [--json FILE] [--gate]``.
 ``accuracy`` compares what is known at every second of a clip with its truth, ``batch`` with one fit of the
-same frames; ``paced`` plays drawn clips at their own pace, ``memory`` a stream of half an hour as fast as it
-goes. Times are those of an idle machine.
+same frames; ``soon`` plays clips with a truth at their own pace until the mechanism is found, ``paced`` drawn
+ones, ``memory`` a stream of half an hour as fast as it goes. Times are those of an idle machine.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ from monodyn.live.sources import open_source
 from monodyn.live.step import Step
 from monodyn.live.stream import Session
 from monodyn.settings import RunSettings
+from monodyn.types import Camera
+from monodyn.vision.drawing.outline import covered_pixels
 from spec import Case
 from speed import monodyn_command
 
@@ -53,6 +55,17 @@ PACED = {
 """Clips that are played, by their frames a second."""
 WARM = 3.0
 """Seconds of such a clip that are followed first, so that everything is compiled."""
+SOON = (
+    ("triple", None), ("triple", "chain:3"), ("cartpole", None), ("double_a", None), ("double_b", "double"),
+    ("single", None), ("bob", None),
+)  # fmt: skip
+"""Clips of ``MONODYN_DATA`` in which it is looked for, some by another mechanism than that of their file."""
+TURNED, MOVED, UNCOVERED = 30.0, 0.1, 0.5
+"""Enough motion, by the truth: every hinge has turned by as much since the first frame [deg], every slide has
+moved by this share of its body's length, and this share of the pixels that the mechanism covered in the first
+frame has been seen without it."""
+FOUND = 3.0
+"""Seconds of the stream from enough motion on within which it is followed."""
 SETTLED = 300.0
 """Seconds of a stream after which its memory grows no more."""
 
@@ -86,6 +99,7 @@ def main() -> int:
         "memory": lambda _, seconds: memory(seconds),
         "accuracy": lambda data, _: [figure for name in CLIPS for figure in accuracy(data, name)],
         "batch": lambda data, _: batch(_given(data, CLIPS[0])) + batch(_drawn(PACED[30])),
+        "soon": lambda data, _: [figure for case in SOON for figure in soon(data, *case)],
         "paced": lambda *_: [figure for rate in PACED for figure in paced(rate)],
     }
     parser = command_line(__doc__, tuple(parts))
@@ -94,7 +108,7 @@ def main() -> int:
     )
     options = parser.parse_args()
     chosen, data = options.only or tuple(parts), Path(os.environ.get("MONODYN_DATA") or "missing")
-    if {"accuracy", "batch"} & {*chosen} and not (data / "rendered").is_dir():
+    if {"accuracy", "batch", "soon"} & {*chosen} and not (data / "rendered").is_dir():
         print("live.py: expected MONODYN_DATA with rendered/, found none; set it.", file=sys.stderr)
         return 2
     figures = []
@@ -236,6 +250,78 @@ def _numbers(step: Step) -> list[np.ndarray]:
     pose, known, none = step.pose, step.estimate, np.zeros(0)
     poses = [none, none] if pose is None else [pose.position, pose.covariance]
     return [*poses, *([none, none] if known is None else [known.future.position, known.covariance])]
+
+
+def soon(data: Path, name: str, model: str | None) -> list[Figure]:
+    """Play a clip at its own pace to ``monodyn live``, in a process of its own, until what it shows is found.
+
+    Args:
+        data: The data folder.
+        name: Name of the clip.
+        model: The mechanism; None for that of its file.
+
+    Returns:
+        When enough has moved, and how long after that the mechanism is followed and identified.
+    """
+    clip = _given(data, name)
+    mechanism = model or str(clip.model)
+    say(f"  {name}, {mechanism}: compiled first ...")
+    settings, live = RunSettings(), LiveSettings()
+    source = open_source(clip.video, live)
+    with Session(source, drawn_mechanism(mechanism, settings), live, settings) as session:
+        for _ in _until(session, WARM):
+            pass
+    before = _taken_away()
+    with tempfile.TemporaryDirectory() as folder:
+        lines = Path(folder) / "lines.ndjson"
+        words = ["live", str(clip.video), "--model", mechanism, "--pace", "real", "--quiet"]
+        subprocess.run([*monodyn_command(), *words, "--ndjson", str(lines)], check=False, capture_output=True)
+        steps = [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines()]
+    begin, never = enough_motion(data, name), float("inf")
+    at = {
+        "followed": next((step["time"] for step in steps if step["phase"] == "following"), never),
+        "identified": next((step["time"] for step in steps if step["verdict"]), never),
+    }
+    case = name if model is None else f"{name}, {model}"
+    return [
+        Figure(case, "enough motion", begin, "s"),
+        Figure(case, "followed, after that", at["followed"] - begin, "s", FOUND),
+        Figure(case, "identified, after that", at["identified"] - begin, "s"),
+        Figure(case, "processor time taken away meanwhile", _taken_away() - before, "s"),
+    ]
+
+
+def enough_motion(data: Path, name: str) -> float:
+    """Return from which time on a clip shows enough motion, by its truth [s].
+
+    Args:
+        data: The data folder.
+        name: Name of the clip.
+    """
+    clip = data / "rendered" / name
+    truth = json.loads(clip.with_suffix(".json").read_text(encoding="utf-8"))
+    mechanism = monodyn.load(clip.with_suffix(".xml"))
+    mechanism = mechanism.with_values(true_sizes(truth["truth"], tuple(mechanism.values)))
+    camera, position = _camera_of(truth["camera"]), np.array(truth["q"])
+    way = np.maximum.accumulate(position) - np.minimum.accumulate(position)
+    needed = [
+        np.deg2rad(TURNED) if joint.kind == "hinge" else MOVED * mechanism.values[f"{joint.body}.length"]
+        for joint in mechanism.joints
+    ]
+    left = covered_pixels(mechanism, camera, position[0], margin=0.0)
+    most = (1.0 - UNCOVERED) * left.sum()
+    for time, pose, moved in zip(truth["times"], position, way, strict=True):
+        left &= covered_pixels(mechanism, camera, pose, margin=0.0)
+        if np.all(moved >= needed) and left.sum() <= most:
+            return float(time)
+    return float("inf")
+
+
+def _camera_of(truth: dict[str, Any]) -> Camera:
+    """Return the camera of a clip that looks squarely at the plane of its mechanism."""
+    x, away, z = map(float, truth["pos"].split())
+    focal = 0.5 * truth["h"] / np.tan(0.5 * np.radians(truth["fovy"]))
+    return Camera(truth["w"], truth["h"], float(focal), x, z, -away)
 
 
 def paced(rate: int) -> list[Figure]:

@@ -33,6 +33,7 @@ from monodyn.vision.locating.locate import STEPS, Sought, find_scene
 from monodyn.vision.locating.parallax import find_past_parallax
 from monodyn.vision.locating.region import find_in_region
 from monodyn.vision.locating.scene import Scene
+from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.points.follow import follow_points
 from monodyn.vision.points.locate import locate_points
 from monodyn.vision.points.scene import PointScene
@@ -179,6 +180,7 @@ def locate(
     masks: Masks, mechanism: Mechanism, settings: LocateSettings | None = None, *,
     camera: CameraSettings | None = None, fix: Mapping[str, float] | None = None, free: Sequence[str] = (),
     mapped: Mapping[str, str] | None = None, once: bool = False, progress: Progress | None = None,
+    guess: SceneGuess | None = None,
 ) -> Scene:  # fmt: skip
     """Find the scene of masks."""
 
@@ -203,6 +205,7 @@ def locate(
     mapped: Mapping[str, str] | None = None,
     once: bool = False,
     progress: Progress | None = None,
+    guess: SceneGuess | None = None,
 ) -> Scene | PointScene:
     """Find camera, sizes and first pose from the topology alone.
 
@@ -218,6 +221,7 @@ def locate(
         once: Look for it in the whole of the picture alone, by the default method: enough to compare
             mechanisms.
         progress: Called as the steps go.
+        guess: About where it is, from other frames of the same camera: refined before anything is searched.
 
     Returns:
         The scene.
@@ -251,7 +255,7 @@ def locate(
     else:
         check_told_apart(mechanism)
         find = find_scene if once else LOCATE_METHODS[methods]
-        scene = find(Sought(masks, mechanism, settings, fix, free, report))
+        scene = find(Sought(masks, mechanism, settings, fix, free, report, guess))
     if not by_motion:
         return scene
     unknown = ROLL not in fix and feels_roll(mechanism)

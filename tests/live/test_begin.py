@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from lives import double, scene
 from monodyn.errors import VideoError
 from monodyn.live import begin as begun
-from monodyn.live.begin import STILL_KEPT, Beginning, as_clip, search
+from monodyn.live.begin import STILL_KEPT, Beginning, Begun, as_clip, hardly_shown, numbered
 from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import pictures_of
 from monodyn.live.stream import Session
 from monodyn.mechanism import load
 from monodyn.settings import RunSettings
-from monodyn.types import Frame
+from monodyn.types import Frame, Poses
+from monodyn.vision.locating.search import SceneGuess
+from monodyn.vision.release import FreeSpan
 from support import refuses
 
 
@@ -49,9 +53,126 @@ def test_after_a_search_in_vain_half_as_much_again_is_waited_for():
         watched.add(noisy(k, moving=True, rng=rng))
     assert watched.ready
     before = watched.moving
-    watched.in_vain()
+    # the first step of the search alone is no search
+    watched.go_on(VideoError("nothing is there"))
+    assert watched.ready
+    watched.go_on(VideoError("nothing is there"))
     assert not watched.ready
     assert watched.needed == pytest.approx(1.5 * before)
+
+
+def test_it_is_said_what_a_search_lacks():
+    """Only what is certain: what has moved so far, and what a step of the search has said."""
+    watched, rng = Beginning(1.5), np.random.default_rng(0)
+    assert watched.lacks == "Nothing is seen to move. The search needs 0.3 s of motion."
+    for k in range(5):
+        watched.add(noisy(k, moving=True, rng=rng))
+    assert watched.lacks == "The search needs 0.2 s more of motion."
+    for k in range(5, 16):
+        watched.add(noisy(k, moving=False, rng=rng))
+    assert watched.lacks == "Nothing is seen to move. The search needs 0.1 s more of motion."
+    watched.go_on(replace(guess(0.5, 0.5), positions=np.array([[0.0, 0.0], [0.5, 0.1], [1.0, 0.1]])))
+    assert watched.lacks == (
+        "So far a first guess shows less than 10 deg of turning at joint2. Nothing is seen to move. "
+        "The search needs 1.3 s more of motion."
+    )
+    watched.add(noisy(16, moving=True, rng=rng))
+    watched.go_on(VideoError("Nothing is there."))
+    assert watched.lacks == "Nothing is there. The search needs 0.2 s more of motion."
+
+
+def guess(*turned: float) -> SceneGuess:
+    """Make a guess whose hinges turn this far from its first key frame to the last [rad]."""
+    mechanism = load("double")
+    camera = scene(double()).camera
+    positions = np.linspace(np.zeros(2), turned, 5)
+    return SceneGuess(mechanism, camera, positions, np.zeros(5))
+
+
+def test_what_a_guess_has_hardly_seen_is_said():
+    assert hardly_shown(guess(1.5, 0.5)) == ""
+    assert (
+        hardly_shown(guess(1.5, 0.1)) == "So far a first guess shows less than 10 deg of turning at joint2."
+    )
+    # a whole turn less a little is a little
+    assert hardly_shown(replace(guess(1.5, 0.1), positions=guess(1.5, 2.0 * np.pi).positions)) == ""
+    rocks = guess(0.03, 0.03)
+    said = hardly_shown(rocks)
+    share = said.removeprefix(
+        "So far a first guess shows less than 10 deg of turning at joint1 and joint2, and nothing of what is "
+        "behind "
+    ).removesuffix(" of the mechanism.")
+    assert said == (
+        "So far a first guess shows less than 10 deg of turning at joint1 and joint2, and nothing of what is "
+        f"behind {share} of the mechanism."
+    )
+    assert 50 < float(share.removesuffix("%")) < 95
+
+
+def test_what_is_guessed_first_is_where_the_search_begins(monkeypatch):
+    """In a fifth of the motion it is guessed, in all frames so far it is looked for."""
+    steps = []
+    first = guess(1.0, 1.0)
+
+    def guessed(sought):
+        steps.append(("guess", sought.masks.count))
+        return first
+
+    def searched(frames, masks, mechanism, settings, given):
+        steps.append((given, len(frames)))
+        raise VideoError("nothing is there")
+
+    still = SimpleNamespace(camera_path=None)
+    monkeypatch.setattr(
+        begun, "segment", lambda clip, *_, **__: SimpleNamespace(video=still, count=clip.count)
+    )
+    monkeypatch.setattr(begun, "first_guess", guessed)
+    monkeypatch.setattr(begun, "search", searched)
+    rng = np.random.default_rng(0)
+    source = pictures_of([noisy(k, moving=True, rng=rng) for k in range(60)], 30.0)
+    with Session(source, load("double"), LiveSettings(begin=0.9), RunSettings()) as session:
+        list(session.steps())
+    (what, few), (given, more), (none, most) = steps
+    assert (what, given, none) == ("guess", first, None)
+    assert few == pytest.approx(0.18 * 30.0, abs=3.0)
+    assert more == pytest.approx(0.9 * 30.0, abs=2.0)
+    assert most == pytest.approx(1.5 * more, abs=2.0)
+
+
+def test_a_guess_that_explains_little_says_nothing():
+    """It is dropped, and the search is that of a whole run."""
+    watched = Beginning(1.5)
+    watched.go_on(replace(guess(0.5, 0.1), mismatch=np.full(5, 0.4)))
+    assert (watched.guess, watched.why) == (None, "")
+    better = replace(guess(0.5, 0.1), mismatch=np.full(5, 0.3))
+    watched.go_on(better)
+    assert watched.guess is better
+
+
+def test_a_mechanism_that_no_frame_shows_is_not_found(monkeypatch):
+    pose = np.full((4, 2), np.nan)
+    nowhere = Poses(
+        ("joint1", "joint2"), np.arange(4), np.arange(4) / 30.0, pose, np.ones((4, 2, 2)), np.zeros(4, bool)
+    )
+    masks = SimpleNamespace(video=None, background=None)
+    found = SimpleNamespace(masks=masks, video=None, advice=())
+    monkeypatch.setattr(begun, "locate", lambda *_, **__: found)
+    monkeypatch.setattr(begun, "track_freely", lambda *_: (nowhere, FreeSpan(0, 4, ())))
+    monkeypatch.setattr(begun, "left_out", lambda *_, **__: ())
+    monkeypatch.setattr(begun, "doubtful_sight", lambda sight, part: f"{len(part)} frames show nothing.")
+    rng = np.random.default_rng(0)
+    frames = [noisy(k, moving=True, rng=rng) for k in range(4)]
+    with refuses(VideoError, "4 frames show nothing."):
+        begun.search(frames, masks, load("double"), RunSettings(), None)
+
+
+def test_poses_of_a_stream_have_the_numbers_of_the_clip_in_which_it_was_found():
+    """What was still before it moved was dropped, and what came later is not in the clip."""
+    frame, pose = np.arange(30, 40), np.zeros((10, 1))
+    poses = Poses(("joint1",), frame, frame / 30.0, pose, np.ones((10, 1, 1)), np.ones(10, bool))
+    clip = numbered(poses, poses.time[:6])
+    assert clip.frame[:6].tolist() == [0, 1, 2, 3, 4, 5]
+    assert min(clip.frame[6:]) > 5
 
 
 def test_what_is_held_is_bounded_also_while_it_is_looked_at(monkeypatch):
@@ -61,11 +182,11 @@ def test_what_is_held_is_bounded_also_while_it_is_looked_at(monkeypatch):
         watched.add(noisy(k, moving=True, rng=rng))
     assert 38 <= len(watched.frames) <= 41
     held = watched.frames[0].index
-    watched.hold()
+    watched.holds = True
     for k in range(60, 80):
         watched.add(noisy(k, moving=True, rng=rng))
     assert watched.frames[0].index == held
-    assert watched.left_out >= 19
+    assert len(watched.frames) <= 41
 
 
 def test_frames_are_a_clip_with_their_own_numbers():
@@ -81,9 +202,12 @@ def test_a_camera_that_moves_is_refused(monkeypatch):
     moving = SimpleNamespace(video=SimpleNamespace(camera_path=object()))
     monkeypatch.setattr(begun, "segment", lambda *_, **__: moving)
     rng = np.random.default_rng(0)
-    frames = [noisy(k, moving=True, rng=rng) for k in range(4)]
-    with refuses(VideoError, "camera 0: expected a camera that stands still, got one that moves; fasten it."):
-        search(frames, "camera 0", load("double"), RunSettings())
+    watched = Beginning(0.5)
+    for k in range(4):
+        watched.add(noisy(k, moving=True, rng=rng))
+    error = begun.begin(watched, "camera 0", load("double"), RunSettings())
+    assert isinstance(error, VideoError)
+    assert str(error) == "camera 0: expected a camera that stands still, got one that moves; fasten it."
 
 
 def test_a_mechanism_of_dots_is_refused_before_the_first_frame(monkeypatch):
@@ -103,7 +227,7 @@ def test_it_is_said_what_is_looked_at(monkeypatch):
     rng = np.random.default_rng(0)
     source = pictures_of([noisy(k, moving=True, rng=rng) for k in range(40)], 30.0)
     said = []
-    error = VideoError("nothing is there")
+    error = VideoError("Nothing is there.")
 
     def looked(*_):
         said.append(session.said)
@@ -112,8 +236,46 @@ def test_it_is_said_what_is_looked_at(monkeypatch):
     monkeypatch.setattr("monodyn.live.stream.begin", looked)
     with Session(source, load("double"), LiveSettings(begin=1.0), RunSettings()) as session:
         steps = list(session.steps())
-    assert steps[5].said == "Waiting for motion."
-    assert steps[-1].said == "nothing is there"
-    seconds = said[0].removeprefix("Looking for the mechanism in the last ").removesuffix(" s.")
-    assert said[0] == f"Looking for the mechanism in the last {seconds} s."
+    assert steps[5].said == "The search needs 0.1 s more of motion."
+    assert steps[-1].said == "Nothing is there. The search needs 0.3 s more of motion."
+    seconds = (
+        said[1].removeprefix("Looking for the mechanism in the last ").removesuffix(" s. Nothing is there.")
+    )
+    assert said[1] == f"Looking for the mechanism in the last {seconds} s. Nothing is there."
     assert 0.9 < float(seconds) < 1.2
+
+
+def test_it_is_followed_before_it_is_identified(monkeypatch):
+    pose = Poses(
+        ("joint1",), np.zeros(1, int), np.zeros(1), np.zeros((1, 1)), np.ones((1, 1, 1)), np.ones(1, bool)
+    )
+    tracker = SimpleNamespace(follow=lambda *_: pose)
+    shown = Begun(SimpleNamespace(scene=None), tracker, None, 1000)
+    monkeypatch.setattr("monodyn.live.stream.begin", lambda *_: shown)
+    rng = np.random.default_rng(0)
+    source = pictures_of([noisy(k, moving=True, rng=rng) for k in range(20)], 30.0)
+    with Session(source, load("double"), LiveSettings(begin=0.9), RunSettings()) as session:
+        monkeypatch.setattr(session.identifier, "begin", lambda *_: None)
+        monkeypatch.setattr(session.identifier, "take", lambda *_, **__: None)
+        steps = list(session.steps())
+    assert (steps[0].phase, steps[-1].phase) == ("watching", "following")
+    assert steps[-1].said == "The mechanism is followed; its parameters are being identified."
+
+
+def test_a_stream_that_ends_during_the_guess_is_searched_all_the_same(monkeypatch):
+    """Where a machine is so slow that the clip is over by then."""
+    asked = []
+
+    def looked(watched, *_):
+        asked.append(watched.guessed)
+        return VideoError("Nothing is there.")
+
+    monkeypatch.setattr("monodyn.live.stream.begin", looked)
+    rng = np.random.default_rng(0)
+    source = pictures_of([noisy(k, moving=True, rng=rng) for k in range(40)], 30.0)
+    with Session(source, load("double"), LiveSettings(begin=1.0), RunSettings()) as session:
+        session._search = Future()
+        session._search.set_result(VideoError("Nothing is there."))
+        monkeypatch.setattr(session, "_watch", lambda frame, **_: session._beginning.add(frame))
+        list(session.steps())
+    assert asked == [True]

@@ -34,16 +34,19 @@ def rows(first: int, stop: int, seen: bool = True) -> Poses:
 
 
 @pytest.fixture
-def begun():
+def begun(monkeypatch):
     """Return an identifier that has begun with frames 0 to 44, and with later ones."""
     made = []
 
     def beginning(later: Poses | None = None) -> Identifier:
         identifier = Identifier(LiveSettings(), IdentifySettings(), in_order=False)
         made.append(identifier)
-        found: Any = SimpleNamespace(scene=None, poses=rows(0, 45), fit=identified())
-        begun: Any = SimpleNamespace(found=found, horizon=None, later=later, estimate=None)
-        identifier.begin(begun)
+        found: Any = SimpleNamespace(poses=rows(0, 45))
+        with monkeypatch.context() as patched:
+            patched.setattr(identifier, "_look_again", lambda _: None)
+            identifier.begin(found, later)
+        identifier._found = None
+        identifier._take_up(Reviewed(identified(), None, 44 / RATE))
         return identifier
 
     yield beginning
@@ -114,6 +117,12 @@ def test_the_record_keeps_what_moves_all_positions_for_a_while_and_the_rest_for_
     assert last.frame.tolist() == [149]
     assert whole.frame.tolist() == list(range(150))
     np.testing.assert_allclose(whole.position, rows(0, 150).position)
+
+
+def located(mechanism: object, doubt: str | None = None) -> Any:
+    """Return what was found in the frames from 30 to 44."""
+    video = SimpleNamespace(times=np.arange(30, 45) / RATE)
+    return SimpleNamespace(scene=SimpleNamespace(mechanism=mechanism, video=video), doubt=doubt)
 
 
 class Estimating:
@@ -271,7 +280,7 @@ def test_of_a_stretch_that_ends_upright_nothing_is_identified(
     monkeypatch.setattr("monodyn.live.identifier.redrawn", lambda fit, *_: fit)
     monkeypatch.setattr("monodyn.live.identifier.followed_from", lambda *_: followed)
     stretch = joined([rows(0, whole), rows(whole, 91, seen=False)] if whole < 91 else [rows(0, 91)])
-    identifier, nothing = begun(), cast(Any, SimpleNamespace(mechanism=None))
+    identifier, nothing = begun(), located(None)
     done = identifier._reviewed(stretch, nothing, fit)
     assert given == ([] if identified_from is None else [list(range(identified_from, 91))])
     assert (done is None) == (identified_from is None)
@@ -282,7 +291,7 @@ def test_of_a_stretch_that_ends_upright_nothing_is_identified(
 
 def test_a_stretch_that_the_pictures_contradict_is_refused(begun, monkeypatch):
     """As after a run: what is reported of a stretch is drawn again before it gets its grade."""
-    fit, scene, drawn = identified(), cast(Any, SimpleNamespace(mechanism="the mechanism")), []
+    fit, found, drawn = identified(), located("the mechanism"), []
 
     def contradicted(*given: Any) -> Any:
         drawn.append(given)
@@ -291,17 +300,31 @@ def test_a_stretch_that_the_pictures_contradict_is_refused(begun, monkeypatch):
     monkeypatch.setattr("monodyn.live.identifier.identify", lambda *_: fit)
     monkeypatch.setattr("monodyn.live.identifier.horizon_of", lambda fit, *_: fit.ok or None)
     monkeypatch.setattr("monodyn.live.identifier.redrawn", contradicted)
-    stretch = rows(0, 91)
-    done = begun()._reviewed(stretch, scene, None)
-    assert drawn == [(fit, scene, stretch)]
+    done = begun()._reviewed(rows(30, 91), found, None)
+    ((given, scene, poses),) = drawn
+    assert (given, scene) == (fit, found.scene)
+    # by the pictures of the clip in which the scene was found, which began after a second
+    assert poses.frame[:15].tolist() == list(range(15))
+    assert min(poses.frame[15:]) > 14
     assert (done.fit.grade, done.horizon) == ("refused", None)
+
+
+def test_no_fit_of_a_scene_that_is_in_doubt_is_trusted(begun, monkeypatch):
+    fit = identified()
+    monkeypatch.setattr("monodyn.live.identifier.identify", lambda *_: fit)
+    monkeypatch.setattr("monodyn.live.identifier.horizon_of", lambda fit, *_: fit.ok or None)
+    monkeypatch.setattr("monodyn.live.identifier.redrawn", lambda fit, *_: fit)
+    identifier = begun()
+    assert identifier._reviewed(rows(0, 91), located(None), None).fit.grade == "trusted"
+    refused = identifier._reviewed(rows(0, 91), located(None, "It is something else."), None).fit
+    assert (refused.grade, refused.status) == ("refused", "It is something else.")
 
 
 def test_it_is_looked_again_soon_after_a_stretch_that_was_left_out(begun, monkeypatch):
     """But not later than where the motion has begun anew meanwhile."""
     for broken in (False, True):
         identifier = begun(rows(45, 120))
-        identifier._scene = cast(Any, "the scene")
+        identifier._found = cast(Any, "what was found")
         left_out = cast(Any, SimpleNamespace(done=lambda: True, result=lambda: None))
         monkeypatch.setattr(identifier._long, "submit", lambda *_, left_out=left_out: left_out)
         now, before = identifier._next, identifier.fit
@@ -317,11 +340,11 @@ def test_it_is_looked_again_soon_after_a_stretch_that_was_left_out(begun, monkey
 @pytest.mark.parametrize("goes_on", [True, False])
 def test_only_a_fit_that_something_goes_on_from_says_what_can_be_followed(begun, monkeypatch, goes_on):
     identifier, asked = begun(rows(45, 120)), []
-    identifier._scene = cast(Any, "the scene")
+    identifier._found = cast(Any, "what was found")
     identifier._horizon = cast(Any, SimpleNamespace()) if goes_on else None
     monkeypatch.setattr(identifier._long, "submit", lambda *given: asked.append(given))
     identifier._look_again(identifier._next)
-    ((_, poses, scene, known),) = asked
-    assert scene == "the scene"
+    ((_, poses, found, known),) = asked
+    assert found == "what was found"
     assert len(poses) == 120
     assert known is (identifier.fit if goes_on else None)

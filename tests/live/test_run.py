@@ -32,7 +32,9 @@ def filmed():
 def test_a_stream_in_which_nothing_moves_leaves_what_was_recorded(tmp_path):
     still = [np.full((64, 96), 100, np.uint8) for _ in range(60)]
     with refuses(
-        FitError, "pictures: the mechanism was not found before the stream ended: Waiting for motion."
+        FitError,
+        "pictures: the mechanism was not found before the stream ended: Nothing is seen to move. "
+        "The search needs 0.3 s of motion.",
     ):
         follow(still, "double", tmp_path / "run")
     assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "failed"

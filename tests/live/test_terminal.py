@@ -76,7 +76,7 @@ def test_what_happens_before_anything_is_known_is_said():
     assert rendered(None, 80, pace=Pace(None, None, None)) == ["double.mp4  opening"]
     lines = rendered(watched(30), 80, pace=Pace(30.0, None, None))
     assert lines == [
-        "double.mp4  waiting for motion",
+        "double.mp4  watching",
         "1.00 s   30.0 frames/s   0 skipped",
         "Waiting for motion.",
     ]
@@ -164,7 +164,7 @@ def test_plain_lines_come_once_a_second_and_say_what_is_new(monkeypatch):
     assert found.count("clip.mp4: Waiting for motion.") == 1
     assert found.count(f"clip.mp4: {identified().status}") == 1
     assert len(found) == 5
-    assert found[1] == "0.0 s, waiting for motion, 0 skipped"
+    assert found[1] == "0.0 s, watching, 0 skipped"
     assert found[-1].startswith("1.5 s, following, 2 skipped, link1.length 0.2000 ± 0.00")
 
 

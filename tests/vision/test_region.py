@@ -101,7 +101,11 @@ class Tried:
 
 
 def found_with(
-    monkeypatch: pytest.MonkeyPatch, shares: list[float | None], mechanism: Mechanism | None = None
+    monkeypatch: pytest.MonkeyPatch,
+    shares: list[float | None],
+    mechanism: Mechanism | None = None,
+    guess: Any = None,
+    given: list[Any] | None = None,
 ) -> tuple[Any, list[Samples]]:
     """Return what is found where the candidates agree so well; None refuses."""
     samples = samples_of([80] * 12 + [20] * 40, two_parts())
@@ -112,22 +116,37 @@ def found_with(
         masks: Tried
         mechanism: Mechanism
         pinned: frozenset[str]
+        guess: Any = None
 
     def find(sought: Any) -> Any:
         tried.append(sought.masks.samples)
+        if given is not None:
+            given.append(sought.guess)
         if shares[len(tried) - 1] is None:
             raise VideoError(f"refused {len(tried)}")
         return shares[len(tried) - 1]
 
     monkeypatch.setattr(region, "agreement", lambda share: share)
     monkeypatch.setattr(region, "is_cut_off", lambda whole, part: (whole, part) == (0.41, 0.99))
-    sought = Sought(Tried(samples), mechanism or load("double"), frozenset())
+    sought = Sought(Tried(samples), mechanism or load("double"), frozenset(), guess)
     return find_in_region(sought, find), tried  # type: ignore[arg-type]
 
 
 def test_what_explains_the_whole_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, tried = found_with(monkeypatch, [0.97])
     assert (scene, len(tried)) == (0.97, 1)
+
+
+def test_a_guess_is_refined_first_and_dropped_where_it_explains_too_little(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given: list[Any] = []
+    assert found_with(monkeypatch, [0.97], guess="the guess", given=given)[0] == 0.97
+    assert given == ["the guess"]
+    given.clear()
+    scene, tried = found_with(monkeypatch, [0.4, 0.99], guess="the guess", given=given)
+    assert (scene, given) == (0.99, ["the guess", None])
+    assert tried[0] is tried[1]
 
 
 def test_parts_are_tried_until_one_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:

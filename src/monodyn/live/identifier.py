@@ -11,9 +11,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from monodyn.estimation.fit import Fit
+from monodyn.estimation.fit import Doubt, Fit
 from monodyn.estimation.settings import IdentifySettings
-from monodyn.live.begin import Begun
+from monodyn.live.begin import Found, numbered
 from monodyn.live.estimate import Estimate
 from monodyn.live.horizon import LONGEST_GAP, Acting, Horizon, followed_from, horizon_of
 from monodyn.live.record import Record, joined
@@ -21,7 +21,6 @@ from monodyn.live.settings import LiveSettings
 from monodyn.redrawn import redrawn
 from monodyn.stages import identify
 from monodyn.types import Poses
-from monodyn.vision.locating.scene import Scene
 
 HARDLY = 0.2
 """Share of the widest motion so far up to which a stretch hardly moves."""
@@ -89,7 +88,7 @@ class Identifier:
         self._live, self._settings, self._in_order, self._acting = live, settings, in_order, acting
         # one worker for what every frame needs, one for what takes longer
         self._quick, self._long = ThreadPoolExecutor(1, "identify"), ThreadPoolExecutor(1, "review")
-        self._scene: Scene | None = None
+        self._found: Found | None = None
         self._horizon: Horizon | None = None
         self._pending: list[Poses] = []
         self._estimating: Future[Estimate | None] | None = None
@@ -105,20 +104,23 @@ class Identifier:
         one counts from the first frame that is identified with it. None before one."""
         return self.fit if self.estimate is None else self.estimate.base
 
-    def begin(self, begun: Begun) -> None:
+    def begin(self, found: Found, later: Poses | None = None) -> None:
         """Begin with what the first seconds have shown.
 
         Args:
-            begun: It.
+            found: It.
+            later: Poses of what came while the mechanism was looked for; None for nothing.
         """
-        found, self._scene = begun.found, begun.found.scene
+        self._found = found
         self.record.add(found.poses)
         self.cut, self._seen = Cut(float(found.poses.time[0])), float(found.poses.time[-1])
         self._moved = np.nanstd(found.poses.position, axis=0)
-        self._take_up(Reviewed(found.fit, begun.horizon, float(found.poses.time[-1])))
-        if begun.later is not None:
-            self._recorded(begun.later)
-        self._begun, self.estimate = self._seen, begun.estimate
+        if later is not None:
+            self._recorded(later)
+        self._begun, self._next = self._seen, -math.inf
+        self._look_again(self._seen)
+        if self._in_order:
+            self.finish()
 
     def take(self, pose: Poses, *, broken: bool = False) -> None:
         """Take the next pose, and identify with it as soon as the one before is done.
@@ -140,7 +142,7 @@ class Identifier:
         self._submit(rest=not self._in_order)
         self._look_again(now)
         if self._in_order:
-            self._wait_for_all()
+            self.finish()
 
     def _recorded(self, poses: Poses, *, broken: bool = False) -> None:
         """Record poses; no motion goes on across a break, or while it is out of sight for long."""
@@ -249,7 +251,7 @@ class Identifier:
 
     def _look_again(self, now: float) -> None:
         """Begin to identify a stretch anew where it is time to."""
-        if self._review is not None or now < self._next or self._scene is None:
+        if self._review is not None or now < self._next or self._found is None:
             return
         rows = self.record.since(max(self.cut.time, now - self._live.review))
         if rows is None or int(rows.measured.all(axis=1).sum()) < LEAST_POSES:
@@ -261,9 +263,9 @@ class Identifier:
         else:
             self._moved, self._next = np.maximum(moved, self._moved), now + self._live.begin
             known = None if self._horizon is None else self.fit
-            self._review = self._long.submit(self._reviewed, rows, self._scene, known)
+            self._review = self._long.submit(self._reviewed, rows, self._found, known)
 
-    def _reviewed(self, poses: Poses, scene: Scene, known: Fit | None) -> Reviewed | None:
+    def _reviewed(self, poses: Poses, found: Found, known: Fit | None) -> Reviewed | None:
         """Identify a stretch from nothing, or the end of it that one motion follows by what is known.
 
         None for a short end: while it is held upright no motion does, and the search for one takes a minute.
@@ -274,13 +276,15 @@ class Identifier:
             if few or np.ptp(later.time) < FOLLOWED * np.ptp(poses.time):
                 return None
             poses = later
-        acted = self._acting(float(poses.time[0]), float(poses.time[-1]))
+        scene, acted = found.scene, self._acting(float(poses.time[0]), float(poses.time[-1]))
         fit = identify(replace(poses, torques=acted), scene.mechanism, self._settings)
-        fit = redrawn(fit, scene, poses)
+        fit = redrawn(fit, scene, numbered(poses, scene.video.times))
+        if found.doubt:
+            fit = replace(fit, doubts=(), advice=()).doubted([Doubt("refused", found.doubt)])
         horizon = horizon_of(fit, scene.mechanism, poses, self._live, self._acting)
         return Reviewed(fit, horizon, float(poses.time[-1]))
 
-    def _wait_for_all(self) -> None:
+    def finish(self) -> None:
         """Wait for all that is being identified."""
         while self._estimating is not None or self._review is not None:
             jobs: list[Future[Any]] = [job for job in (self._estimating, self._review) if job is not None]

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from monodyn.live.begin import Begun, Found
-from monodyn.live.horizon import LONGEST_GAP, horizon_of
+from monodyn.live.begin import Found
+from monodyn.live.horizon import LONGEST_GAP
 from monodyn.live.identifier import Cut, Identifier
 from monodyn.live.record import joined
 from monodyn.live.settings import LiveSettings
@@ -80,10 +80,9 @@ def cut_with_all(
     if scene.doubt is not None:
         slides = np.array([joint.kind == "slide" for joint in scene.mechanism.joints])
         whole = scene.doubt.with_shifts(whole, slides)
-    horizon = horizon_of(found.fit, scene.mechanism, found.poses, live)
     again = Identifier(live, settings.identify, in_order=True)
     try:
-        again.begin(Begun(found, Tracker(scene, settings.track, ()), None, horizon, None, 0))
+        again.begin(found)
         until = float(ends[long[-1] + 1]) + live.begin
         for row in range(*np.searchsorted(whole.time, [found.poses.time[-1] + 1e-9, until]).tolist()):
             again.take(whole[row : row + 1])

@@ -2,7 +2,7 @@
 "use strict";
 const at = (id) => document.getElementById(id);
 const minus = (text) => String(text).replace("-", "\u2212");
-const phases = { watching: "waiting for motion", searching: "looking for the mechanism", following: "following" };
+const phases = { searching: "looking for the mechanism" };
 const shown = { rad: [180 / Math.PI, "deg"], m: [1000, "mm"] };
 
 // A value with half its interval: two digits of that, and the value down to there.
@@ -71,7 +71,7 @@ function show(state) {
   at("ahead").textContent = "in " + state.ahead + " s";
   at("off").textContent = "off after " + state.ahead + " s";
   if (!step) { at("phase").textContent = "opening"; return; }
-  at("phase").textContent = phases[step.phase];
+  at("phase").textContent = phases[step.phase] ?? step.phase;
   at("facts").textContent = facts(state, step);
   at("verdict").hidden = !step.said && !step.verdict;
   at("verdict").className = step.verdict ?? "";

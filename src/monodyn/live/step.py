@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from monodyn.live.estimate import Estimate
 
 Phase = Literal["watching", "searching", "following"]
-"""Waiting for motion; looking for the mechanism in what was watched; following it."""
+"""Watching; looking for the mechanism in what was watched; following it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ import numpy as np
 from monodyn.checks import drawn_mechanism
 from monodyn.errors import MonodynError, VideoError
 from monodyn.live.applied import Applied
-from monodyn.live.begin import Beginning, Begun, Found, Setup, begin
+from monodyn.live.begin import Beginning, Begun, Found, begin
 from monodyn.live.clock import Clock
 from monodyn.live.feed import Arrival, Feed
 from monodyn.live.foreseen import Foreseen
@@ -31,6 +31,7 @@ from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dots import shows_dots
 from monodyn.settings import RunSettings
 from monodyn.types import Frame, Poses
+from monodyn.vision.locating.search import SceneGuess
 
 Apply = Callable[[Step], Mapping[str, float] | None]
 """Applies torques at a frame, and returns them by joint; None for none."""
@@ -120,15 +121,15 @@ class Session:
         self.identifier = Identifier(
             live, settings.identify, in_order=not source.live, acting=self._applied.between
         )
-        self._live, self._setup = live, Setup(mechanism, live, settings)
+        self._live, self._sought = live, (source.name, mechanism, settings)
         # a clip keeps its clock, which its tables and its film have too
         self._feed, self._clock = Feed(source, live.queue), Clock(None if source.video else 0.0)
         self._beginning = Beginning(live.begin)
         self._worker = ThreadPoolExecutor(1, "search")
-        self._search: Future[Begun | MonodynError] | None = None
+        self._search: Future[Begun | SceneGuess | MonodynError] | None = None
         self._tracker: Tracker | None = None
         self._foreseen = Foreseen(live.ahead)
-        self.said = "Waiting for motion."
+        self.said = self._beginning.lacks
         self._stopped = False
 
     def __enter__(self) -> Session:
@@ -157,8 +158,10 @@ class Session:
                     self._applied.forget(step.time - FORGOTTEN * self._live.review)
                 yield step
         # what is being looked at when the stream ends counts as well
-        if self._search is not None:
+        while self._search is not None:
             self._take_over(self._search.result())
+            self._look()
+        self.identifier.finish()
 
     def _step(self, arrival: Arrival) -> Step:
         """Return what is known with one more frame."""
@@ -201,25 +204,32 @@ class Session:
         """Take a frame before the mechanism is found; look for it when enough has moved."""
         if broken and self._search is None:
             self._beginning = Beginning(self._live.begin)
-        watched = self._beginning
-        watched.add(frame)
-        if self._search is None and watched.ready:
-            watched.hold()
-            seconds = watched.frames[-1].time - watched.frames[0].time
-            self.said = f"Looking for the mechanism in the last {seconds:.1f} s."
-            self._search = self._worker.submit(begin, watched, self.source.name, self._setup)
+        self._beginning.add(frame)
+        if self._search is None:
+            self._look()
         if self._search is not None and (self._search.done() or not self.source.live):
             self._take_over(self._search.result())
 
-    def _take_over(self, begun: Begun | MonodynError) -> None:
-        """Go on from what a search has found."""
+    def _look(self) -> None:
+        """Take the next step of the search where enough has moved for it; say what it lacks."""
+        watched = self._beginning
+        self.said = watched.lacks if self._tracker is None else self.said
+        if self._tracker is None and watched.ready:
+            watched.holds = True
+            seconds = watched.frames[-1].time - watched.frames[0].time
+            self.said = f"Looking for the mechanism in the last {seconds:.1f} s. {watched.why}".rstrip()
+            self._search = self._worker.submit(begin, watched, *self._sought)
+
+    def _take_over(self, begun: Begun | SceneGuess | MonodynError) -> None:
+        """Go on from what a step of the search has found."""
         self._search, watched = None, self._beginning
-        if isinstance(begun, MonodynError):
-            watched.in_vain()
-            self.said = str(begun)
+        if not isinstance(begun, Begun):
+            watched.go_on(begun)
+            self.said = watched.lacks
             return
+        self.said = "The mechanism is followed; its parameters are being identified."
         self.found, self._tracker = begun.found, begun.tracker
-        self.identifier.begin(begun)
+        self.identifier.begin(begun.found, begun.later)
         for later in watched.frames[begun.count :]:
             self.identifier.take(self._tracker.follow(later, self._expected(later.time)))
         self._beginning = Beginning(self._live.begin)

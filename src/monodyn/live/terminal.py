@@ -33,12 +33,8 @@ BAR = 10
 """Columns of the bar of an interval: full at 100 % of the value, empty at 0.1 %."""
 STYLES = {"trusted": "bold green", "approximate": "bold yellow", "refused": "bold red"}
 """How the verdict is shown."""
-PHASES = {
-    "watching": "waiting for motion",
-    "searching": "looking for the mechanism",
-    "following": "following",
-}
-"""What is done with the frames, in words."""
+PHASES = {"searching": "looking for the mechanism"}
+"""What is done with the frames, where the word alone does not say it."""
 
 
 class Shown(NamedTuple):
@@ -166,7 +162,12 @@ def plain_line(step: Step, pace: Pace) -> str:
         step: What is known.
         pace: How fast the stream goes.
     """
-    parts = [f"{step.time:.1f} s", PHASES[step.phase], *_speed(pace), f"{step.skipped} skipped"]
+    parts = [
+        f"{step.time:.1f} s",
+        PHASES.get(step.phase, step.phase),
+        *_speed(pace),
+        f"{step.skipped} skipped",
+    ]
     fit = step.fit
     if fit is not None:
         kinds = {p.name: p.kind for p in fit.mechanism.parameters}
@@ -188,10 +189,10 @@ def drawn(shown: Shown, width: int, height: int) -> RenderableType:
     from rich.text import Text
 
     step, pace = shown.step, shown.pace
-    phase = "stopping" if shown.stopping else "opening" if step is None else PHASES[step.phase]
+    phase = "opening" if step is None else PHASES.get(step.phase, step.phase)
     title = Text(overflow="ellipsis", no_wrap=True)
     title.append(shown.name, style="bold")
-    title.append(f"  {phase}")
+    title.append(f"  {'stopping' if shown.stopping else phase}")
     rows: list[RenderableType] = [title]
     if step is not None:
         facts = [f"{step.time:.2f} s", *_speed(pace), f"{step.skipped} skipped"]

@@ -49,7 +49,8 @@ def with_seen_ends(
         return replace(sought, mechanism=with_ends(sought.mechanism, ends))
 
     def refined(begun: Bundle, ends: Mapping[str, float]) -> Bundle:
-        file, known = scaled(exchanged(ends).mechanism, sought.unit), begun.mechanism.values
+        other, known = exchanged(ends), begun.mechanism.values
+        file = scaled(other.mechanism, sought.unit)
         grown, own = growth(begun.mechanism, file), freed(begun.mechanism, file)
         file = file.with_following(own, follow=False)
         sizes = {p.name: known.get(p.name, grown * p.value) for p in drawn(file)}
@@ -62,7 +63,7 @@ def with_seen_ends(
         guess = SceneGuess(mechanism, begun.camera, begun.positions, np.zeros(count))
         # what no edge shows stays where it is, not where the file has it
         start = replace(sought.start, mechanism=mechanism)
-        variables = whole_variables(sought, guess, start, refined_names(exchanged(ends)))
+        variables = whole_variables(sought, guess, start, refined_names(other))
         return refine(few if count == len(rows) else masks, guess, variables, search, settle=SETTLE)
 
     rows = np.unique(np.linspace(0, len(bundle.positions) - 1, FEW).round().astype(int))

@@ -71,7 +71,7 @@ def find_scene(sought: Sought) -> Scene:
     geoms = len(start.mechanism.shapes.radius)
     frames = key_frames(masks, geoms)
     sought.step(1)
-    guess = _searched(sought, frames, names)
+    guess = sought.guess or _searched(sought, frames, names)
     sought.step(4)
     # What is known of the mechanism makes the masks better, twice: first their colours, measured inside of
     # the outlines, then the background, taken where the outlines leave it free.
@@ -121,6 +121,19 @@ def find_scene(sought: Sought) -> Scene:
     bundle = replace(bundle, alternatives=ended.alternatives)
     sought.step(STEPS)
     return found_scene(sought, masks, frames.only(rows), bundle, camera)
+
+
+def first_guess(sought: Sought) -> SceneGuess:
+    """Find about where the mechanism is: the first step of `find_scene` alone.
+
+    Args:
+        sought: The masks, the mechanism, and what is known of the camera.
+
+    Returns:
+        The mechanism before a camera, with poses in a few key frames.
+    """
+    frames = key_frames(sought.masks, len(sought.mechanism.shapes.radius))
+    return _searched(sought, frames, refined_names(sought))
 
 
 def _searched(sought: Sought, frames: KeyFrames, names: Sequence[str]) -> SceneGuess:

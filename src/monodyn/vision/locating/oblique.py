@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monodyn.cores import on_all_cores
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.upright import ROLL, by_roll
 from monodyn.types import Camera
@@ -178,15 +179,17 @@ def from_other_sides(
         The one that is clearly likelier, or ``found``; this, too, where the camera's place is given. And a
         camera that is turned otherwise and is as likely, None without one.
     """
-    endings = [found]
     wide = search._replace(reaches=np.array(TRIED))
     square = pinhole.around_origin(bundle.camera)
-    for name in ("camera.yaw", "camera.pitch") if found.variables.about_origin else ():
-        for turn in (ASIDE, -ASIDE):
-            if name in found.variables.names:
-                camera = pinhole.from_origin(pinhole.with_values(square, {name: turn}))
-                tried = _refined(masks, replace(bundle, camera=camera), found.variables, wide)
-                endings.append(_refined(masks, tried, found.variables, search, SETTLE))
+
+    def ended(aside: dict[str, float]) -> Bundle:
+        camera = pinhole.from_origin(pinhole.with_values(square, aside))
+        tried = _refined(masks, replace(bundle, camera=camera), found.variables, wide)
+        return _refined(masks, tried, found.variables, search, SETTLE)
+
+    names = ("camera.yaw", "camera.pitch") if found.variables.about_origin else ()
+    sides = [{name: turn} for name in names if name in found.variables.names for turn in (ASIDE, -ASIDE)]
+    endings = [found, *on_all_cores(ended, sides)]
     gains = [_gain(ending, bundle, bundle) for ending in endings]
     # of those that nothing clearly tells apart the first whose camera is about as usual as that of any
     near = [one for one, gain in zip(endings, gains, strict=True) if gain > max(gains) - OTHER_ENDING**2]

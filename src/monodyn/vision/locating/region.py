@@ -76,6 +76,9 @@ def find_in_region(sought: Sought, find: Find) -> Scene:
 
 def _attempts(sought: Sought) -> Iterator[Sought]:
     """Return in which masks the mechanism is located, and from which proportions, the likeliest first."""
+    if sought.guess is not None:
+        yield sought
+        sought = replace(sought, guess=None)
     usual = in_usual_proportions(sought.mechanism, sought.pinned)
     for i, samples in enumerate(candidates(sought.masks.samples)):
         yield replace(sought, masks=sought.masks.over(samples)) if i else sought

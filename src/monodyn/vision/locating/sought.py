@@ -32,6 +32,7 @@ class Sought:
         fix: Values of ``camera.*`` parameters that must stay.
         free: ``camera.*`` parameters to estimate in addition to x, y and depth.
         progress: Called as the steps go.
+        guess: What the global search found in other frames of the same scene; None searches.
     """
 
     masks: Masks
@@ -40,6 +41,7 @@ class Sought:
     fix: Mapping[str, float]
     free: Sequence[str]
     progress: Progress
+    guess: SceneGuess | None = None
 
     def step(self, done: int) -> None:
         """Say that so many of the ``STEPS`` of the search are done.

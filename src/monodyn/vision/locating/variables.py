@@ -143,7 +143,7 @@ class SceneVariables:
             return rows, values
         first, thick = self.kinds.index(SIDES), mechanism.rows(self.thick)
         factor = of_all[:, [first]] / before[mechanism.row(self.names[first])]
-        kept = ~np.isin(rows, thick)
+        kept = np.all(rows[:, None] != thick, axis=1)
         return np.append(rows[kept], thick), np.hstack([values[:, kept], before[thick] * factor])
 
     def camera_at(self, x: np.ndarray, camera: Camera) -> Camera:
