@@ -98,10 +98,12 @@ def seen_ends(
         file = {body: share for body, share in ends.items() if body not in some}
         shares = {body: round_share(best.mechanism, body) for body in some}
         other = file | {body: 0.0 if bodies[body] else share for body, share in shares.items()}
-        reaching = file | {body: share if bodies[body] else 0.0 for body, share in shares.items()}
         first, second = (best if how.keys() == ends.keys() else refined(best, how) for how in (file, other))
-        # the other ends have overhangs, which are nothing that speaks for them
-        gain = fall(second, first) - max(fall(refined(best, reaching), first), 0.0)
+        gain = fall(second, first)
+        if gain > -(CLEAR**2):
+            # the other ends have overhangs, which are nothing that speaks for them
+            reaching = file | {body: share if bodies[body] else 0.0 for body, share in shares.items()}
+            gain -= max(fall(refined(best, reaching), first), 0.0)
         best, ends = (second, ends | other) if gain > CLEAR**2 else (first, file)
         if abs(gain) < CLEAR**2 and len(some) == 1:
             alternatives.append(_spread(first, second))
