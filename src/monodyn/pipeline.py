@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monodyn import checks
+from monodyn import checks, inputs
 from monodyn.blur import blurred, check_exposure, follow_exposed, unsettled
 from monodyn.choices import AUTO
 from monodyn.choose import ball_alone, candidates, choose, nearest
@@ -22,15 +22,7 @@ from monodyn.estimation.fit import Doubt, Fit, Grade
 from monodyn.estimation.record.held import held_note
 from monodyn.estimation.record.tables import read_poses
 from monodyn.estimation.record.units import wrong_units
-from monodyn.inputs import (
-    check_torques,
-    clip_torques,
-    frames_with_torques,
-    input_files,
-    opened,
-    torque_files,
-    with_torques,
-)
+from monodyn.inputs import opened
 from monodyn.job import Job, Outcome, Tracked, shown_if_refused
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.dots import chosen_bodies, mass_notes, shows_dots
@@ -93,11 +85,11 @@ def run(
     video, given, mechanism = opened(clip, next(iter(models), model), settings)
     wanted = checks.fitted_range(settings.fit_frames, video.count)
     checks.prediction_times(video.times, wanted[1], settings.until)
-    torques = clip_torques(settings, mechanism, video.times, wanted)
-    inputs = input_files(clip, model, settings)
+    torques = inputs.clip_torques(settings, mechanism, video.times, wanted)
+    files = inputs.input_files(clip, model, settings)
     written = run_toml("run", {"clip": clip, "model": model}, settings)
-    log = RunLog("run", inputs, settings, written)
-    folder = RunFolder(out, force=force, inputs=(*inputs.values(), *origins(model), settings.background))
+    log = RunLog("run", files, settings, written)
+    folder = RunFolder(out, force=force, inputs=(*files.values(), *origins(model), settings.background))
     sight = Sight(video, fit_frames=wanted, tracks=given if isinstance(given, PointTracks) else None)
     job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
     with recorded(folder, log), shown_if_refused(job):
@@ -132,10 +124,10 @@ def concluded(
     # the motion may have shown that the stamps are not the times
     stamps = video.timed(poses.frame, poses.time).times
     if settings.fit_frames is None:
-        frames, said = frames_with_torques(poses.torques, stamps, frames)
+        frames, said = inputs.frames_with_torques(poses.torques, stamps, frames)
         log.notes += said
     else:
-        check_torques(poses.torques, stamps, frames)
+        inputs.check_torques(poses.torques, stamps, frames)
     sight.fit_frames = frames
     times = checks.prediction_times(stamps, frames[1], settings.until)
     # the fit must not see the frames that it will be compared with
@@ -223,10 +215,10 @@ def track_clip(
     settings = settings or RunSettings()
     models = candidates(settings) if str(model) == AUTO else {}
     video, given, mechanism = opened(clip, next(iter(models), model), settings)
-    inputs = input_files(clip, model, settings)
+    files = inputs.input_files(clip, model, settings)
     written = run_toml("track", {"clip": clip, "model": model}, settings)
-    log = RunLog("track", inputs, settings, written)
-    folder = RunFolder(out, force=force, inputs=(*inputs.values(), *origins(model), settings.background))
+    log = RunLog("track", files, settings, written)
+    folder = RunFolder(out, force=force, inputs=(*files.values(), *origins(model), settings.background))
     sight = Sight(video, tracks=given if isinstance(given, PointTracks) else None)
     job = Job(settings, log, folder, progress, sight, given if isinstance(given, OpenedMasks) else None)
     with recorded(folder, log), shown_if_refused(job):
@@ -277,17 +269,17 @@ def identify_tables(
     wrong = [wrong_units(one.records, one.mechanism) for one in tried]
     if all(wrong):
         raise VideoError(f"{', '.join(names[:3])}: {wrong[0]}")
-    tried = [replace(one, records=with_torques(one.records, one.mechanism, settings)) for one in tried]
+    tried = [replace(one, records=inputs.with_torques(one.records, one.mechanism, settings)) for one in tried]
     rows = [checks.fitted_part(record, settings.fit_frames, name)
             for record, name in zip(tried[0].records, names, strict=True)]  # fmt: skip
     times = [checks.prediction_times(record.time, stop, settings.until)
              for record, (_, stop) in zip(tried[0].records, rows, strict=True)]  # fmt: skip
     tried = [replace(one, rows=rows) for one in tried]
     measured = {f"poses {i + 1}": table for i, table in enumerate(tables)}
-    inputs = {"model": model, **measured, **torque_files(settings)}
+    files = {"model": model, **measured, **inputs.torque_files(settings)}
     written = run_toml("identify", {"poses": tables, "model": model}, settings)
-    log = RunLog("identify", inputs, settings, written)
-    spared = (*inputs.values(), *origins(model))
+    log = RunLog("identify", files, settings, written)
+    spared = (*files.values(), *origins(model))
     folder = None if out is None else RunFolder(out, force=force, inputs=spared)
     job = Job(settings, log, folder, progress)
     with recorded(folder, log):

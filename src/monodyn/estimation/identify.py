@@ -28,13 +28,8 @@ from monodyn.estimation.torque.known import fit_known
 from monodyn.estimation.torque.laws import slackened
 from monodyn.estimation.torque.many import fit_many
 from monodyn.estimation.torque.task import Task
+from monodyn.estimation.verdict import stretches
 from monodyn.estimation.verdict.causes import explained_otherwise, lacking
-from monodyn.estimation.verdict.stretches import (
-    beginning,
-    disagreeing,
-    disagreement,
-    explained,
-)
 from monodyn.estimation.verdict.summary import summarize
 from monodyn.mechanism import Mechanism
 from monodyn.types import Poses, Progress, under
@@ -137,15 +132,16 @@ def _beginning(
         part = poses[first : int(measured[count])]
         fit = _identified((part,), mechanism, quick, halved)
         # a record that states much noise is met by many fits: to advise one it has to explain the motion
-        if fit.ok and explained(part, fit):
+        if fit.ok and stretches.explained(part, fit):
             # A wrong mechanism, or one in a wrong place, follows any short motion with parameters of its own:
             # what holds over the beginning also holds over each half of it.
             middle = int(np.searchsorted(part.frame, poses.frame[measured[count // 2]]))
             halves = (part[:middle], part[middle:])
             fits = [_identified((half,), mechanism, quick, halved) for half in halves]
-            apart = disagreeing(*fits) if all(half.ok for half in fits) else []
-            if apart:
-                return (disagreement(len(part), apart),)
-            return (beginning(mechanism, part.frame.tolist(), fit.rms),) if all(f.ok for f in fits) else ()
+            if not all(half.ok for half in fits):
+                return ()
+            if apart := stretches.disagreeing(*fits):
+                return (stretches.disagreement(len(part), apart),)
+            return (stretches.beginning(mechanism, part.frame.tolist(), fit.rms),)
         count //= 2
     return ()

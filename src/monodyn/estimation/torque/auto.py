@@ -23,18 +23,12 @@ from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import difference_size
 from monodyn.estimation.shooting.shoot import Optimum, Route, fit_pieces
 from monodyn.estimation.shooting.starts import match, matched
+from monodyn.estimation.torque import friction
 from monodyn.estimation.torque.bodies import fit_free_bodies
 from monodyn.estimation.torque.evidence import at_noise, cleared, likeliest, pays
 from monodyn.estimation.torque.fourier import fit_series, series_of
 from monodyn.estimation.torque.free import fit_free_torques, residual_rms
-from monodyn.estimation.torque.friction import (
-    far_off,
-    fit_friction,
-    led,
-    near_proportions,
-    settled,
-    with_dry_friction,
-)
+from monodyn.estimation.torque.friction import fit_friction
 from monodyn.estimation.torque.laws import drag_laws, middles, sprung
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.estimation.torque.withheld import withheld_errors
@@ -115,7 +109,7 @@ def _from_further_starts(mechanism: Mechanism, task: Task, before: Optimum) -> T
     optimum, tried = task.search(problem).from_starts(1, give_up=True)
     if not optimum.complete or optimum.cost > SAME_END * before.cost:
         return None
-    return settled(problem, optimum, task, tried)
+    return friction.settled(problem, optimum, task, tried)
 
 
 def _further(mechanism: Mechanism, task: Task, solution: TorqueSolution) -> TorqueSolution:
@@ -219,7 +213,10 @@ def _sprung(mechanism: Mechanism, before: _Tried, left: float, task: Task, route
     for joint, names in springs.items():
         larger = problem.of(plain.with_choices(free=names))
         # where the motion has little to do with the record a fit takes long
-        if far_off(problem, optimum) and HALVED * _left_of_accelerations(problem, larger, task) >= 1.0:
+        if (
+            friction.far_off(problem, optimum)
+            and HALVED * _left_of_accelerations(problem, larger, task) >= 1.0
+        ):
             continue
         one = _by_law(mechanism, before, optimum, (f"a spring at {joint}", names), task, route)
         size = np.inf if one is None else _size(one.solution)
@@ -264,12 +261,12 @@ def _by_law(
     larger = problem.of(mechanism.with_torque("friction").with_choices(free=names))
     x = larger.unknowns.carried(optimum.x, problem.unknowns)
     found = fit_pieces(larger, optimum.trial.at(x, optimum.trial.states), route, route.fine)
-    if far_off(larger, found) and HALVED * _left_of_accelerations(problem, larger, task) < 1.0:
+    if friction.far_off(larger, found) and HALVED * _left_of_accelerations(problem, larger, task) < 1.0:
         # a motion that the drag has damped may be so far from every other one that no step leads there
         search = replace(task, settings=replace(task.settings, starts=1)).search(larger)
         other, _ = search.from_starts(give_up=True)
         found = other if pays(found, other, len(names)) else found
-    nearer = near_proportions(larger, found, task)
+    nearer = friction.near_proportions(larger, found, task)
     if likeliest([(larger, found), nearer]) == 1:
         larger, found = nearer
     larger, found = _with_dry(larger, found, task)
@@ -304,7 +301,7 @@ def _undragged(
     if not rubbing:
         return None
     undragged = mechanism.with_torque("friction").with_choices(free=rubbing)
-    smaller = problem.of(led(undragged, [p.name for p in free if p.kind == "lead"]))
+    smaller = problem.of(friction.led(undragged, [p.name for p in free if p.kind == "lead"]))
     x = smaller.unknowns.carried(optimum.x, problem.unknowns)
     found = fit_pieces(smaller, optimum.trial.at(x, optimum.trial.states), route, route.fine)
     return (smaller, found) if likeliest([(problem, optimum), (smaller, found)]) == 1 else None
@@ -344,9 +341,9 @@ def _with_dry(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, 
     """Free dry friction where something is left over, and little: far from the motion the search is long."""
     if not optimum.complete or at_noise(problem, optimum):
         return problem, optimum
-    if far_off(problem, optimum):
+    if friction.far_off(problem, optimum):
         return problem, optimum
-    return with_dry_friction(problem, optimum, task)
+    return friction.with_dry_friction(problem, optimum, task)
 
 
 def _free(mechanism: Mechanism, task: Task, route: Route, passive: _Tried) -> _Tried | None:

@@ -5,19 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from monodyn.estimation.record.samples import cut
+from monodyn.estimation.shooting import shoot
 from monodyn.estimation.shooting.problem import Problem, posed
 from monodyn.estimation.shooting.search import obstacle
-from monodyn.estimation.shooting.shoot import (
-    ROUGH,
-    Optimum,
-    fit_pieces,
-    multiple_shooting,
-    relative_difference,
-    with_proportions,
-)
+from monodyn.estimation.shooting.shoot import Optimum
 from monodyn.estimation.torque.evidence import at_noise, gains, pays, with_more_unknowns
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.mechanism import Mechanism
@@ -87,7 +79,7 @@ def far_off(problem: Problem, optimum: Optimum) -> bool:
         problem: The problem.
         optimum: Its optimum.
     """
-    return optimum.sigma > FAR_NOISE and relative_difference(problem, optimum.trial) >= FAR_SHARE
+    return optimum.sigma > FAR_NOISE and shoot.relative_difference(problem, optimum.trial) >= FAR_SHARE
 
 
 def near_proportions(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem, Optimum]:
@@ -106,7 +98,7 @@ def near_proportions(problem: Problem, optimum: Optimum, task: Task) -> tuple[Pr
     # far from the motion sizes are no reason, and the search along their curved valleys is long
     if far_off(problem, optimum):
         return problem, optimum
-    larger, start = with_proportions(problem, optimum)
+    larger, start = shoot.with_proportions(problem, optimum)
     if len(larger.unknowns) == len(problem.unknowns):
         return problem, optimum
     return larger, task.search(larger).from_start(start.x)
@@ -174,7 +166,7 @@ def _from_the_start(problem: Problem, names: list[str], task: Task) -> tuple[Pro
         return near_proportions(larger, found, task)
     smaller = posed(problem.mechanism.with_choices(free=kept), problem.data)
     start = found.trial.at(smaller.unknowns.carried(found.x, larger.unknowns), found.trial.states)
-    return near_proportions(smaller, fit_pieces(smaller, start, search.route, search.route.fine), task)
+    return near_proportions(smaller, shoot.fit_pieces(smaller, start, search.route, search.route.fine), task)
 
 
 def _not_zero(problem: Problem, optimum: Optimum, names: list[str]) -> list[str]:
@@ -190,21 +182,23 @@ def _with_leads(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem
     """
     if not optimum.complete or at_noise(problem, optimum) or problem.data.records > FEW_RECORDS:
         return problem, optimum
-    names = _leading(problem, optimum, task)
+    names = _leading(problem, optimum)
     if not names:
         return problem, optimum
     larger, search = problem.of(led(problem.mechanism, names)), task.search(problem)
     # in pieces, for a motion in which friction turns earlier soon leaves the one before; where they cannot be
     # followed a lead is not the reason, and where they show none neither does the whole
     pieces = cut(problem.data, PIECES * search.route.piece)
-    before = fit_pieces(problem, problem.started(optimum.x, pieces, task.smoothed), search.route, ROUGH)
+    before = shoot.fit_pieces(
+        problem, problem.started(optimum.x, pieces, task.smoothed), search.route, shoot.ROUGH
+    )
     if search.hopeless(before):
         return problem, optimum
     x = larger.unknowns.carried(before.x, problem.unknowns)
-    after = fit_pieces(larger, larger.started(x, pieces, task.smoothed), search.route, ROUGH)
+    after = shoot.fit_pieces(larger, larger.started(x, pieces, task.smoothed), search.route, shoot.ROUGH)
     if not gains(before, after, 1):
         return problem, optimum
-    found = multiple_shooting(larger, after.x, task.smoothed, search.route, search.report)
+    found = shoot.multiple_shooting(larger, after.x, task.smoothed, search.route, search.report)
     ends = found.at_bound[larger.unknowns.of_kind("lead")]
     if ends.any() or not pays(optimum, found, 1):
         return problem, optimum
@@ -223,17 +217,13 @@ def led(mechanism: Mechanism, names: Sequence[str]) -> Mechanism:
     return replace(mechanism.with_values({name: values[name] or LEAD for name in names}), free=free)
 
 
-def _leading(problem: Problem, optimum: Optimum, task: Task) -> list[str]:
-    """Return the leads of the joints that dry friction acts at, but for the chosen; none where all are free,
-    or no joint moves both ways."""
+def _leading(problem: Problem, optimum: Optimum) -> list[str]:
+    """Return the leads where dry friction acts, but for the chosen; none where all are free."""
     values, mechanism = problem.unknowns.named(optimum.x), problem.mechanism
-    names, shown = [], False
-    for i, joint in enumerate(mechanism.joints):
-        lead = mechanism.parameter(f"{joint.name}.lead")
-        if values.get(f"{joint.name}.friction", 0.0) > 0.0 and lead.name not in mechanism.chosen:
-            names.append(lead.name)
-            shown = shown or _reverses(i, task)
-    return names if shown and not all(mechanism.parameter(name).free for name in names) else []
+    rubbing = [j.name for j in mechanism.joints if values.get(f"{j.name}.friction", 0.0) > 0.0]
+    leads = [mechanism.parameter(f"{name}.lead") for name in rubbing]
+    names = [lead.name for lead in leads if lead.name not in mechanism.chosen]
+    return [] if all(mechanism.parameter(name).free for name in names) else names
 
 
 def _unless_found_without(
@@ -242,11 +232,5 @@ def _unless_found_without(
     """Return an optimum with leads, or what is found from there without them if they explain no more."""
     route = task.search(problem).route
     x = problem.unknowns.carried(found.x, larger.unknowns)
-    without = fit_pieces(problem, found.trial.at(x, found.trial.states), route, route.fine)
+    without = shoot.fit_pieces(problem, found.trial.at(x, found.trial.states), route, route.fine)
     return (larger, found) if pays(without, found, 1) or not without.complete else (problem, without)
-
-
-def _reverses(joint: int, task: Task) -> bool:
-    """Return whether a joint moves both ways."""
-    rates = [one.velocity[:, joint] for one in task.smoothed]
-    return any(bool(np.any(rate > 0.0) and np.any(rate < 0.0)) for rate in rates)
