@@ -43,7 +43,7 @@ TORQUE_MODELS = {
 }
 """How a motion is explained, by torque model; where torques are known that is the one."""
 TORQUE_WORK, REASON_WORK = 100e6, 30e6
-"""Work that all searches together may take, as a ``Budget`` counts it, for what acts and for the reason where
+"""Work that all searches together may take, as a ``Budget`` counts it, for what acts and for each reason why
 nothing explains the motion: some 25 s and 8 s of a processor; of more than ``USUAL_ROWS`` in proportion. What
 was found took up to 27 million in made records and clips, and 56 in a real one."""
 USUAL_ROWS = 1000
@@ -95,9 +95,10 @@ def identify_jointly(
     lacks = fit.unmodelled is not None or not fit.ok
     with limited(REASON_WORK * size):
         cause, named = lacking(records, mechanism, settings, fit, progress) if lacks else ("", False)
-        if fit.ok:
-            # what can be used at least approximately is no other mechanism
-            return replace(fit, advice=(cause, *fit.advice)) if named else fit
+    if fit.ok:
+        # what can be used at least approximately is no other mechanism
+        return replace(fit, advice=(cause, *fit.advice)) if named else fit
+    with limited(REASON_WORK * size):
         reason = () if named else _beginning(records, mechanism, settings, progress)
     # a beginning that fits says more than what does not explain the rest
     return replace(fit, advice=(*reason, *([cause] if cause else []), *fit.advice))

@@ -58,7 +58,12 @@ class Budget:
     remaining: float = np.inf
 
     def within(self, search: SearchSettings, work: int) -> SearchSettings:
-        """Return when a search ends whose evaluations take so much work each."""
+        """Return when a search ends that is one of many.
+
+        Args:
+            search: When it would end alone.
+            work: What each of its evaluations takes.
+        """
         return replace(search, evaluations=int(min(search.evaluations, max(self.remaining / work, 1.0))))
 
 
