@@ -57,15 +57,6 @@ class Budget:
 
     remaining: float = np.inf
 
-    def within(self, search: SearchSettings, work: int) -> SearchSettings:
-        """Return when a search ends that is one of many.
-
-        Args:
-            search: When it would end alone.
-            work: What each of its evaluations takes.
-        """
-        return replace(search, evaluations=int(min(search.evaluations, max(self.remaining / work, 1.0))))
-
 
 _BUDGET: ContextVar[Budget] = ContextVar("budget")
 
@@ -249,6 +240,7 @@ def fit_pieces(
     unknowns, budget = problem.unknowns, _BUDGET.get(Budget())
     directions = start.states.shape[1] + int(np.count_nonzero(~np.broadcast_to(held, start.x.shape)))
     work = FIXED_WORK + int(start.pieces.first[-1]) * start.substeps * directions
+    most = int(min(search.evaluations, max(budget.remaining / work, 1.0)))
     lower, upper = np.where(held, start.x, unknowns.lower), np.where(held, start.x, unknowns.upper)
 
     def evaluate(at: np.ndarray, local: np.ndarray) -> Arrow:
@@ -264,7 +256,7 @@ def fit_pieces(
 
     # the start states are eliminated piece by piece, so that a step costs no more for many pieces
     found = minimize_arrow(
-        evaluate, start.x, start.states, (lower, upper), settings=budget.within(search, work),
+        evaluate, start.x, start.states, (lower, upper), settings=replace(search, evaluations=most),
         reach=unknowns.reach, bend=bend,
     )  # fmt: skip
     budget.remaining -= found.evaluations * work

@@ -189,9 +189,8 @@ def _with_leads(problem: Problem, optimum: Optimum, task: Task) -> tuple[Problem
     # in pieces, for a motion in which friction turns earlier soon leaves the one before; where they cannot be
     # followed a lead is not the reason, and where they show none neither does the whole
     pieces = cut(problem.data, PIECES * search.route.piece)
-    before = shoot.fit_pieces(
-        problem, problem.started(optimum.x, pieces, task.smoothed), search.route, shoot.ROUGH
-    )
+    begun = problem.started(optimum.x, pieces, task.smoothed)
+    before = shoot.fit_pieces(problem, begun, search.route, shoot.ROUGH)
     if search.hopeless(before):
         return problem, optimum
     x = larger.unknowns.carried(before.x, problem.unknowns)
