@@ -11,8 +11,7 @@ are the joints and the far end, of a ball on a thread its centre; outside of the
 frame shows a point when its row is exposed. The values are the lengths, the widths that are wide enough to be
 seen, and the camera's turns. What is true where it is not one number: of a thread that stretches any length
 that it has during the clip; where a pivot gives way that no picture shows, that of the thread, that to the
-point about which the ball swings, and any between, and so of a single bar, which shows no more of where its
-pivot is (that point of it is not judged then); of a swing in an ellipse, whose plane turns, no yaw of the
+point about which the ball swings, and any between; of a swing in an ellipse, whose plane turns, no yaw of the
 camera. A length is that in space, whatever the plane. Masses and frictions are not judged: the scale of
 masses is assumed, and what an imperfection adds to friction has no true value.
 """
@@ -136,10 +135,8 @@ def pose_errors(
     width, height = draw.case.size
     inside = np.all((true > -0.5) & (true < np.array([width, height]) - 0.5), axis=2)
     off = np.where(inside, np.linalg.norm(drawn - true, axis=2), np.nan)
-    # points that are never in the picture do not count, nor does a pivot that gives way inside of a bar
+    # points that are never in the picture do not count
     shown = inside.any(0)
-    if hides_pivot(draw) and draw.kind == "single":
-        shown[0] = False
     each = np.sqrt(np.nanmean(off[:, shown] ** 2, axis=0))
     worst = float(each.max()) if shown.any() else float("nan")
     most = float(np.nanmax(off)) if shown.any() else float("nan")
@@ -236,7 +233,7 @@ def truths(draw: Draw, film: Film) -> dict[str, tuple[float, float]]:
     if draw.stretch:
         during = film.truth.qpos[film.truth.time >= 0.0, -1] + lengths(draw)["link1"]
         found["link1.length"] = (float(during.min()), float(during.max()))
-    if hides_pivot(draw):
+    if draw.pivot and (draw.kind == "ball" or draw.place != "inside"):
         low, high = found["link1.length"]
         swings = swing_length(film)
         found["link1.length"] = (min(low, swings), max(high, swings))
@@ -247,32 +244,22 @@ def truths(draw: Draw, film: Film) -> dict[str, tuple[float, float]]:
     return found
 
 
-def hides_pivot(draw: Draw) -> bool:
-    """Return whether the pivot gives way and no picture shows where it is.
-
-    Args:
-        draw: What was filmed.
-    """
-    return draw.pivot > 0.0 and (draw.kind in ("ball", "single") or draw.place != "inside")
-
-
 def swing_length(film: Film) -> float:
-    """Return how far the end of a link, prolonged, is from where it passes the plumb line of its rest [m].
+    """Return how far a ball is from where its thread, prolonged, passes the plumb line of its rest [m].
 
-    About that point it swings where its pivot gives way: the period of a ball on a thread is that of a
-    pendulum of this length.
+    About that point it swings where its pivot gives way: its period is that of a pendulum of this length.
 
     Args:
         film: What drew it.
     """
     times = film.truth.time[film.truth.time >= 0.0]
-    end, pivot = np.empty((2, len(times), 3))
+    ball, pivot = np.empty((2, len(times), 3))
     for i, time in enumerate(times):
         data = film.truth.at(float(time))
-        end[i] = film.points(data)[-1]
+        ball[i] = data.geom_xpos[film.truth.model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE][0]
         pivot[i] = data.xpos[film.truth.model.body("link1").id]
-    link = end - pivot
-    aside = end[:, :2] - end[:, :2].mean(axis=0)
-    leans = link[:, :2] / np.linalg.norm(link, axis=1, keepdims=True)
+    thread = ball - pivot
+    aside = ball[:, :2] - ball[:, :2].mean(axis=0)
+    leans = thread[:, :2] / np.linalg.norm(thread, axis=1, keepdims=True)
     leans = leans - leans.mean(axis=0)
     return float(np.sum(aside * leans) / np.sum(leans**2))

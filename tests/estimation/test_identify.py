@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from monodyn.estimation.settings import IdentifySettings
+from monodyn.estimation.shooting.shoot import ROUGH, Route, fit_pieces
+from monodyn.estimation.verdict.summary import summarize
 from monodyn.mechanism import load
 from monodyn.stages import identify
 from monodyn.types import Poses
@@ -192,6 +194,22 @@ def test_a_search_that_is_cut_short_says_so(poses, double, monkeypatch):
         "end: nothing until then came near the record. --identify.torque names the kind to search for "
         "without this limit."
     )
+
+
+def test_what_was_found_is_refined_and_judged_whatever_the_search_has_spent(poses, double, monkeypatch):
+    """Else intervals from many fits would end at once, and in whatever order threads take them."""
+    monkeypatch.setattr("monodyn.estimation.identify.TORQUE_WORK", 1.0)
+    left = []
+
+    def judged(*arguments):
+        problem, optimum = arguments[0].problem, arguments[0].optimum
+        start = optimum.trial.at(problem.unknowns.x0, optimum.trial.states)
+        left.append(fit_pieces(problem, start, Route(10, 1e-3, ROUGH), ROUGH).evaluations)
+        return summarize(*arguments)
+
+    monkeypatch.setattr("monodyn.estimation.identify.summarize", judged)
+    identify(poses, double)
+    assert left[0] > 3
 
 
 def test_a_torque_that_is_named_is_searched_to_the_end(poses, double, monkeypatch):

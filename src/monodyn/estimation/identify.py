@@ -43,7 +43,7 @@ TORQUE_MODELS = {
 }
 """How a motion is explained, by torque model; where torques are known that is the one."""
 TORQUE_WORK, REASON_WORK = 100e6, 30e6
-"""Work that all searches together may take, as a ``Budget`` counts it, for what acts and for each reason why
+"""Work that all searches together may take, as a ``Budget`` counts it, for what acts and for the reason why
 nothing explains the motion: some 25 s and 8 s of a processor; of more than ``USUAL_ROWS`` in proportion. What
 was found took up to 27 million in made records and clips, and 56 in a real one."""
 USUAL_ROWS = 1000
@@ -80,12 +80,7 @@ def identify_jointly(
     if wrong:
         raise VideoError(f"poses: {wrong}")
     mechanism = slackened(mechanism, records)
-    size = max(1.0, sum(len(record) for record in records) / USUAL_ROWS)
-    # a torque that the user names is searched to the end
-    with limited(TORQUE_WORK * size if settings.torque == "auto" else np.inf) as budget:
-        fit = _identified(records, mechanism, settings, progress)
-    if budget.remaining <= 0.0 and not fit.ok:
-        fit = replace(fit, advice=(*fit.advice, CUT_SHORT))
+    fit = _identified(records, mechanism, settings, progress)
     usual = settings.torque in ("auto", "friction") and fit.torque == "friction"
     # with one start nobody wants to know more than how near it leads
     if fit.grade == "trusted" or not fit.starts or not usual or settings.starts == 1:
@@ -93,13 +88,12 @@ def identify_jointly(
     settings = replace(settings, torque="friction", uncertainty="linear")
     # a misfit is looked into; what else a fit is doubted for has its reason
     lacks = fit.unmodelled is not None or not fit.ok
-    with limited(REASON_WORK * size):
+    with limited(REASON_WORK * _size(records)):
         cause, named = lacking(records, mechanism, settings, fit, progress) if lacks else ("", False)
     if fit.ok:
         # what can be used at least approximately is no other mechanism
         return replace(fit, advice=(cause, *fit.advice)) if named else fit
-    with limited(REASON_WORK * size):
-        reason = () if named else _beginning(records, mechanism, settings, progress)
+    reason = () if named else _beginning(records, mechanism, settings, progress)
     # a beginning that fits says more than what does not explain the rest
     return replace(fit, advice=(*reason, *([cause] if cause else []), *fit.advice))
 
@@ -113,8 +107,16 @@ def _identified(
     smoothed = tuple(smooth(ordered(record, mechanism)) for record in records)
     model = "known" if data.torques else settings.torque
     task = Task(data, smoothed, settings, progress, partial(explained_otherwise, settings), records)
-    solution = fit_many(TORQUE_MODELS[model], mechanism, task)
-    return summarize(solution, records, settings, began, progress)
+    # a torque that the user names is searched to the end, and what was found is refined and judged as ever
+    with limited(TORQUE_WORK * _size(records) if model == "auto" else np.inf) as budget:
+        solution = fit_many(TORQUE_MODELS[model], mechanism, task)
+    fit = summarize(solution, records, settings, began, progress)
+    return replace(fit, advice=(*fit.advice, CUT_SHORT)) if budget.remaining <= 0.0 and not fit.ok else fit
+
+
+def _size(records: tuple[Poses, ...]) -> float:
+    """Return the rows of records over the usual number, at least one."""
+    return max(1.0, sum(len(record) for record in records) / USUAL_ROWS)
 
 
 def _beginning(

@@ -23,9 +23,6 @@ STRETCHES = 0.015
 """Standard deviation of the logarithm of a thread's length as the path of its ball shows it. Cotton stretches
 by half a per cent under its ball, and most at the lowest point, where it is pulled most: the radius of the
 path changes by three times as much."""
-BENDS = 0.01
-"""What a lens bends in the picture's corner, as a share of the distance from the middle, with the square of
-which it grows: makers correct to a per cent."""
 LOADED = 0.02
 """Share of a direction that is not seen from which on a place is part of it."""
 
@@ -184,7 +181,7 @@ def camera_std(bundle: Bundle, *, scale_free: bool) -> dict[str, float]:
     cameras = [name for name in PARAMETERS if name in names]
     slope = _camera_slope(bundle, cameras)
     variance = np.einsum("ci,ij,cj->c", slope, covariance, slope)
-    variance += [shifted_turn(bundle, name, bent=True) ** 2 for name in cameras]
+    variance += [shifted_turn(bundle, name, stretched=True) ** 2 for name in cameras]
     return dict(zip(cameras, np.sqrt(np.maximum(variance, 0.0)).tolist(), strict=True))
 
 
@@ -207,26 +204,25 @@ def covariance_of(information: np.ndarray, sizes: np.ndarray, *, scale_free: boo
     return np.linalg.pinv(information / np.outer(unit, unit), hermitian=True) / np.outer(unit, unit)
 
 
-def shifted_turn(bundle: Bundle, name: str, *, bent: bool = False) -> float:
+def shifted_turn(bundle: Bundle, name: str, *, stretched: bool = False) -> float:
     """Return the turn of the camera that looks like edges shifted alike in all frames, or like a mechanism
     that sways as a whole between them [rad].
 
     Args:
         bundle: A refined bundle.
         name: A parameter of the camera; 0 for one that is no turn.
-        bent: Or like a lens that bends and a thread that stretches, which leave the poses as they are shown.
+        stretched: Or like a thread that stretches, which leaves the poses as they are shown.
     """
     if name not in CAMERA_TURNS:
         return 0.0
-    focal, corner_px = bundle.camera.focal, 0.5 * float(np.hypot(bundle.camera.width, bundle.camera.height))
+    camera, off_px = bundle.camera, [bundle.systematic_px, bundle.sway_px]
+    reach_px = longest_reach(rig_of(bundle.mechanism, camera)) * camera.focal / camera.depth
     # of a long thread the picture shows the end alone
-    reach_px = longest_reach(rig_of(bundle.mechanism, bundle.camera)) * focal / bundle.camera.depth
-    reach_px, off_px = min(reach_px, corner_px), [bundle.systematic_px, bundle.sway_px]
-    if bent and name != ROLL:
-        stretches = STRETCHES if thread_lengths(bundle.mechanism, bundle.camera) else 0.0
-        off_px += [stretches * reach_px, BENDS * reach_px**3 / corner_px**2]
+    reach_px = min(reach_px, 0.5 * float(np.hypot(camera.width, camera.height)))
+    if stretched and name != ROLL and thread_lengths(bundle.mechanism, camera):
+        off_px.append(STRETCHES * reach_px)
     # turned about the line of sight the outermost edges go along a circle; turned aside they come nearer
-    return float(np.linalg.norm(off_px)) / (reach_px if name == ROLL else reach_px**2 / focal)
+    return float(np.linalg.norm(off_px)) / (reach_px if name == ROLL else reach_px**2 / camera.focal)
 
 
 def _camera_slope(bundle: Bundle, cameras: list[str]) -> np.ndarray:
