@@ -42,9 +42,9 @@ TORQUE_MODELS = {
     "known": fit_known,
 }
 """How a motion is explained, by torque model; where torques are known that is the one."""
-TORQUE_WORK, REASON_WORK = 100e6, 30e6
+TORQUE_WORK, REASON_WORK = 80e6, 30e6
 """Work that all searches together may take, as a ``Budget`` counts it, for what acts and for the reason why
-nothing explains the motion: some 25 s and 8 s of a processor; of more than ``USUAL_ROWS`` in proportion. What
+nothing explains the motion: some 20 s and 8 s of a processor; of more than ``USUAL_ROWS`` in proportion. What
 was found took up to 27 million in made records and clips, and 56 in a real one."""
 USUAL_ROWS = 1000
 """Rows up to which they do not depend on the rows."""
