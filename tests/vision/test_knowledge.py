@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,15 +12,17 @@ import pytest
 from monodyn.mechanism import Mechanism, load
 from monodyn.types import Camera
 from monodyn.vision.drawing.follow import EdgeSearch
+from monodyn.vision.drawing.rig import longest_reach, rig_of
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
 from monodyn.vision.locating.knowledge import (
+    BENDS,
     STRETCHES,
     camera_std,
     covariance_of,
     hidden_places,
+    pendant_lengths,
     shifted_turn,
     size_information,
-    thread_lengths,
 )
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.variables import scene_variables
@@ -79,26 +82,40 @@ def test_of_a_long_thread_the_picture_shows_the_end_alone() -> None:
     assert shifted_turn(bundle, "camera.yaw") == pytest.approx(0.2 * CAMERA.focal / half**2)
 
 
-def test_a_turned_camera_is_told_from_a_thread_within_what_threads_stretch() -> None:
+def test_a_turned_camera_is_told_from_lens_and_thread_within_what_these_leave() -> None:
     half = 0.5 * np.hypot(CAMERA.width, CAMERA.height)
     for name, stretches in (("bob", 0.0), ("ball", STRETCHES)):
         mechanism = load(name).with_values({"link1.length": 50.0})
         bundle = SimpleNamespace(mechanism=mechanism, camera=CAMERA, systematic_px=0.2, sway_px=0.0)
-        off = np.hypot(0.2, stretches * half)
-        turn = shifted_turn(bundle, "camera.yaw", stretched=True)
-        assert turn == pytest.approx(off * CAMERA.focal / half**2)
-        # it looks like no turn of the picture, and poses do not depend on which of both it is
-        assert shifted_turn(bundle, "camera.roll", stretched=True) == pytest.approx(0.2 / half)
+        off = np.linalg.norm([0.2, stretches * half, BENDS * half])
+        assert shifted_turn(bundle, "camera.yaw", bent=True) == pytest.approx(off * CAMERA.focal / half**2)
+        # neither looks like a turn of the picture, nor do poses depend on which of them it is
+        assert shifted_turn(bundle, "camera.roll", bent=True) == pytest.approx(0.2 / half)
         assert shifted_turn(bundle, "camera.yaw") == pytest.approx(0.2 * CAMERA.focal / half**2)
+    near = SimpleNamespace(mechanism=load("single"), camera=CAMERA, systematic_px=0.0, sway_px=0.0)
+    reach = CAMERA.focal * longest_reach(rig_of(near.mechanism, CAMERA)) / CAMERA.depth
+    bent = BENDS * reach * CAMERA.focal / half**2
+    assert shifted_turn(near, "camera.pitch", bent=True) == pytest.approx(bent)
+
+
+def test_from_a_pivot_outside_of_the_picture_its_far_end_alone_is_shown() -> None:
+    """A hook that gives way changes the radius of the path, and nobody sees it."""
+    rod = load("bob").with_values({"link1.width": 4.0 * CAMERA.depth / CAMERA.focal})
+    above, beside = replace(CAMERA, y=-0.45), replace(CAMERA, x=0.6)
+    for camera, names in ((CAMERA, []), (above, ["link1.length"]), (beside, ["link1.length"])):
+        assert pendant_lengths(rod, camera) == names
+        assert pendant_lengths(load("double"), camera) == names
+        # a rail is no pivot
+        assert pendant_lengths(load("cartpole"), camera) == []
 
 
 def test_what_holds_a_ball_is_a_thread_or_a_rod() -> None:
     px = CAMERA.depth / CAMERA.focal
     bob = load("bob")
-    assert thread_lengths(load("ball"), CAMERA) == ["link1.length"]
-    assert thread_lengths(bob.with_values({"link1.width": 2.0 * px}), CAMERA) == ["link1.length"]
-    assert thread_lengths(bob.with_values({"link1.width": 4.0 * px}), CAMERA) == []
-    assert thread_lengths(load("double"), CAMERA) == []
+    assert pendant_lengths(load("ball"), CAMERA) == ["link1.length"]
+    assert pendant_lengths(bob.with_values({"link1.width": 2.0 * px}), CAMERA) == ["link1.length"]
+    assert pendant_lengths(bob.with_values({"link1.width": 4.0 * px}), CAMERA) == []
+    assert pendant_lengths(load("double"), CAMERA) == []
 
 
 def test_the_length_of_a_thread_is_no_better_known_than_threads_stretch() -> None:

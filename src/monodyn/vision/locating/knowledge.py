@@ -9,8 +9,8 @@ import numpy as np
 from monodyn.mechanism import Measured, Mechanism
 from monodyn.mechanism.upright import ROLL
 from monodyn.types import Camera
-from monodyn.vision.drawing.camera import CAMERA_TURNS, PARAMETERS, value_of
-from monodyn.vision.drawing.rig import longest_reach, rig_of
+from monodyn.vision.drawing.camera import CAMERA_TURNS, PARAMETERS, pixels, value_of
+from monodyn.vision.drawing.rig import longest_reach, rig_of, root_slides
 from monodyn.vision.locating.bundle import Bundle
 
 UNSEEN = 16.0
@@ -22,7 +22,11 @@ THREAD_PX = 3.0
 STRETCHES = 0.015
 """Standard deviation of the logarithm of a thread's length as the path of its ball shows it. Cotton stretches
 by half a per cent under its ball, and most at the lowest point, where it is pulled most: the radius of the
-path changes by three times as much."""
+path changes by three times as much. A hook that gives way by millimetres does the same."""
+BENDS = 0.006
+"""Standard deviation of what a lens bends in the picture's corner, as a share of the distance from the
+middle: makers correct to a per cent, and it may be anywhere within. It is less elsewhere, with the square of
+the distance."""
 LOADED = 0.02
 """Share of a direction that is not seen from which on a place is part of it."""
 
@@ -43,8 +47,9 @@ def size_information(bundle: Bundle, *, scale_free: bool) -> Measured:
     return Measured(names, 0.5 * (known + known.T))
 
 
-def thread_lengths(mechanism: Mechanism, camera: Camera) -> list[str]:
-    """Name the lengths of bodies that are a ball on a thread, which a picture hardly shows.
+def pendant_lengths(mechanism: Mechanism, camera: Camera) -> list[str]:
+    """Name the lengths of which a picture shows the far end alone: from a pivot outside of it, and those of
+    bodies that are a ball on a thread.
 
     Args:
         mechanism: The mechanism.
@@ -53,13 +58,16 @@ def thread_lengths(mechanism: Mechanism, camera: Camera) -> list[str]:
     Returns:
         The names.
     """
-    shapes = mechanism.shapes
+    shapes, border = mechanism.shapes, np.array([camera.width, camera.height]) - 0.5
     width_px = 2.0 * shapes.radius * camera.focal / camera.depth
     round_, thin = np.diff(shapes.first) == 1, (width_px > 0.0) & (width_px < THREAD_PX)
+    pivot = pixels(camera, np.zeros((1, 3)))[0]
+    outside = not root_slides(mechanism) and bool(np.any((pivot < -0.5) | (pivot > border)))
     found = []
     for body in dict.fromkeys(shapes.body):
         own = np.array([name == body for name in shapes.body])
-        if np.any(own & round_) and np.all(round_ | thin | ~own):
+        thread = np.any(own & round_) and np.all(round_ | thin | ~own)
+        if thread or (outside and body == mechanism.bodies[0]):
             found.append(f"{body}.length")
     return found
 
@@ -116,8 +124,8 @@ def _known(bundle: Bundle, *, scale_free: bool) -> tuple[tuple[str, ...], np.nda
     px = np.array([values[variables.against[i] or variables.names[i]] for i in sizes])
     px = px * bundle.camera.focal / bundle.camera.depth
     # (K^-1 + D)^-1 for a K that may be singular, D the variance that no number of frames takes away
-    stretched = [{name: STRETCHES} for name in thread_lengths(bundle.mechanism, bundle.camera)]
-    allowed = [*bundle.alternatives, *stretched]
+    stretches = [{name: STRETCHES} for name in pendant_lengths(bundle.mechanism, bundle.camera)]
+    allowed = [*bundle.alternatives, *stretches]
     ways = np.array([[way.get(name, 0.0) for name in names] for way in allowed])
     drawn = bundle.unsettled[sizes] if len(bundle.unsettled) else np.zeros(len(names))
     variance = np.diag((bundle.systematic_px / px) ** 2) + ways.T @ ways + np.outer(drawn, drawn)
@@ -181,7 +189,7 @@ def camera_std(bundle: Bundle, *, scale_free: bool) -> dict[str, float]:
     cameras = [name for name in PARAMETERS if name in names]
     slope = _camera_slope(bundle, cameras)
     variance = np.einsum("ci,ij,cj->c", slope, covariance, slope)
-    variance += [shifted_turn(bundle, name, stretched=True) ** 2 for name in cameras]
+    variance += [shifted_turn(bundle, name, bent=True) ** 2 for name in cameras]
     return dict(zip(cameras, np.sqrt(np.maximum(variance, 0.0)).tolist(), strict=True))
 
 
@@ -204,23 +212,25 @@ def covariance_of(information: np.ndarray, sizes: np.ndarray, *, scale_free: boo
     return np.linalg.pinv(information / np.outer(unit, unit), hermitian=True) / np.outer(unit, unit)
 
 
-def shifted_turn(bundle: Bundle, name: str, *, stretched: bool = False) -> float:
+def shifted_turn(bundle: Bundle, name: str, *, bent: bool = False) -> float:
     """Return the turn of the camera that looks like edges shifted alike in all frames, or like a mechanism
     that sways as a whole between them [rad].
 
     Args:
         bundle: A refined bundle.
         name: A parameter of the camera; 0 for one that is no turn.
-        stretched: Or like a thread that stretches, which leaves the poses as they are shown.
+        bent: Or like a lens that bends and a thread that stretches, which leave the poses as they are shown.
     """
     if name not in CAMERA_TURNS:
         return 0.0
     camera, off_px = bundle.camera, [bundle.systematic_px, bundle.sway_px]
+    corner_px = 0.5 * float(np.hypot(camera.width, camera.height))
     reach_px = longest_reach(rig_of(bundle.mechanism, camera)) * camera.focal / camera.depth
     # of a long thread the picture shows the end alone
-    reach_px = min(reach_px, 0.5 * float(np.hypot(camera.width, camera.height)))
-    if stretched and name != ROLL and thread_lengths(bundle.mechanism, camera):
-        off_px.append(STRETCHES * reach_px)
+    reach_px = min(reach_px, corner_px)
+    if bent and name != ROLL:
+        stretches = STRETCHES if pendant_lengths(bundle.mechanism, camera) else 0.0
+        off_px += [stretches * reach_px, BENDS * reach_px**3 / corner_px**2]
     # turned about the line of sight the outermost edges go along a circle; turned aside they come nearer
     return float(np.linalg.norm(off_px)) / (reach_px if name == ROLL else reach_px**2 / camera.focal)
 
