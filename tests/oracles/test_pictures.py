@@ -65,15 +65,25 @@ def slow_hull(points: np.ndarray) -> set[int]:
 @pytest.mark.parametrize("count", [3, 5, 12, 40])
 def test_convex_hull_has_the_corners_of_a_slow_one(count: int) -> None:
     points = np.random.default_rng(count).normal(size=(count, 2))
-    hull, order = np.empty((2, count + 1), np.int64)
-    size = convex_hull(points, 0, count, hull, order)
+    hull, order = np.empty(count + 1, np.int64), np.arange(count)
+    size = convex_hull(points, hull, order)
     assert set(hull[:size].tolist()) == slow_hull(points)
+
+
+def test_convex_hull_is_the_same_from_any_order() -> None:
+    """Poses begin with the order that the points had in the pose before."""
+    rng = np.random.default_rng(7)
+    points = rng.normal(size=(40, 2))
+    hulls = [np.empty(41, np.int64) for _ in range(8)]
+    found = [hull[: convex_hull(points, hull, rng.permutation(40))].tolist() for hull in hulls]
+    assert len(found[0]) > 4
+    assert all(corners == found[0] for corners in found)
 
 
 def test_convex_hull_leaves_out_points_along_an_edge() -> None:
     points = np.array([[0, 0], [1, 0], [2, 0], [2, 2], [1, 2], [0, 2], [0, 1]], dtype=float)
-    hull, order = np.empty((2, 8), np.int64)
-    assert sorted(hull[: convex_hull(points, 0, 7, hull, order)].tolist()) == [0, 2, 3, 5]
+    hull = np.empty(8, np.int64)
+    assert sorted(hull[: convex_hull(points, hull, np.arange(7))].tolist()) == [0, 2, 3, 5]
 
 
 def test_row_sums_are_sums_of_the_row() -> None:
@@ -118,7 +128,7 @@ def sums_over(mask: np.ndarray, polygons: list[np.ndarray]) -> tuple[float, floa
     px, count = np.concatenate(polygons).astype(float), len(polygons)
     starts = np.concatenate([[0], np.cumsum([len(polygon) for polygon in polygons])])
     hull, first = np.empty(len(px) + 2 * count + 2, np.int64), np.zeros(count + 1, np.int64)
-    outlines = Outlines(starts, px, hull, first, np.empty((0, 3)), np.empty(len(px), np.int64))
+    outlines = Outlines(starts, px, hull, first, np.empty((0, 3)), np.arange(len(px)))
     fill_hulls(outlines, 0)
     inside = np.empty(1)
     area = silhouette_sums(row_sums(mask)[np.newaxis], outlines, blank_cuts(count), inside)

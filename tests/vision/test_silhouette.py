@@ -84,8 +84,8 @@ def test_convex_hull_against_opencv() -> None:
     rng = np.random.default_rng(3)
     for count in (3, 4, 8, 50):
         points = rng.normal(size=(count, 2)) * 20
-        hull, order = np.empty((2, count + 2), dtype=np.int64)
-        size = convex_hull(points, 0, count, hull, order)
+        hull = np.empty(count + 2, dtype=np.int64)
+        size = convex_hull(points, hull, np.arange(count))
         expected = cv2.convexHull(points.astype(np.float32))[:, 0]
         assert size == len(expected)
         area = cv2.contourArea(points[hull[:size]].astype(np.float32))

@@ -40,7 +40,7 @@ class Outlines(NamedTuple):
             (entry,).
         first: Where each geom's corners start in ``hull``, int64 (geom + 1,).
         frames: Room for the frames of the links, see ``link_frames``, (dof, 3).
-        order: Room for the order of a geom's points, int64 (outline point,).
+        order: Each geom's points in the order that they had in the outlines before, int64 (outline point,).
     """
 
     starts: np.ndarray
@@ -66,8 +66,8 @@ def blank_outlines(rig: Rig, geoms: int) -> Outlines:
     px = np.empty((starts[geoms], 2))
     # each hull needs one place more than it has points, see ``convex_hull``
     hull = np.empty(starts[geoms] + 2 * geoms + 2, dtype=np.int64)
-    first, order = np.zeros(geoms + 1, dtype=np.int64), np.empty(starts[geoms], dtype=np.int64)
-    return Outlines(starts, px, hull, first, frames_room(rig), order)
+    first = np.zeros(geoms + 1, dtype=np.int64)
+    return Outlines(starts, px, hull, first, frames_room(rig), np.arange(starts[geoms]))
 
 
 @njit(cache=True, **UNCOUNTED)
@@ -99,7 +99,8 @@ def fill_hulls(outlines: Outlines, begin: int) -> None:
     px, starts, hull, first = outlines.px, outlines.starts, outlines.hull, outlines.first
     for g in range(begin, starts.shape[0] - 1):
         at = first[g]
-        first[g + 1] = at + convex_hull(px, starts[g], starts[g + 1], hull[at:], outlines.order)
+        order = outlines.order[starts[g] : starts[g + 1]]
+        first[g + 1] = at + convex_hull(px, hull[at:], order)
 
 
 @njit(cache=True)
@@ -309,24 +310,21 @@ def _project_ball(
 
 
 @njit(cache=True, **UNCOUNTED)
-def convex_hull(px: np.ndarray, start: int, stop: int, hull: np.ndarray, order: np.ndarray) -> int:
-    """Write the indices of the convex hull of ``px[start:stop]`` to ``hull``; return their number.
+def convex_hull(px: np.ndarray, hull: np.ndarray, order: np.ndarray) -> int:
+    """Write the indices of the convex hull of some points to ``hull``; return their number.
 
     Monotone chain; the outline turns so that (dy, -dx) of an edge points outwards.
 
     Args:
         px: Points [px], (point, 2).
-        start: First point.
-        stop: One past the last point.
-        hull: Filled with indices into ``px``, (at least ``stop - start + 1``,).
-        order: Room for those in order, int64 (at least ``stop - start``,).
+        hull: Filled with indices into ``px``, one entry longer than ``order``.
+        order: Indices of the points that count, which are sorted: it takes least where the order is nearly
+            that of a pose like this one, int64 (entry,).
 
     Returns:
         Number of corners of the hull.
     """
-    n = stop - start
-    for i in range(n):
-        order[i] = start + i
+    n = order.shape[0]
     # insertion sort by x, then y: most geoms have a few dozen points at most
     for i in range(1, n):
         item = order[i]
