@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,10 @@ import pytest
 from models import read
 from monodyn.mechanism import load
 from monodyn.types import Camera
+from monodyn.vision.locating import grow
+from monodyn.vision.locating.beam import extended
 from monodyn.vision.locating.grow import (
+    LENGTHS,
     SceneStart,
     Structure,
     _alternately,
@@ -64,6 +68,27 @@ def test_a_ball_hangs_at_the_reach_less_its_radius(model: str, width: float) -> 
     best = grown(frames, begun, [Root(x, y, (0.2 + 0.5 * width) * PX)])[0]
     # lengths of the grid are 20 % apart; the width of the foreground is known to a pixel of 33
     assert best.mechanism.values["link1.length"] * 150.0 == pytest.approx(0.2 * PX, rel=0.03)
+
+
+def test_directions_are_tried_for_one_width_of_each_length(monkeypatch: pytest.MonkeyPatch) -> None:
+    true = load("bob").with_values({"link1.width": 0.012})
+    frames, laid = drawn_frames(true, CAMERA, POSES[:, :1]), []
+
+    def counted(*given: Any) -> Any:
+        laid.append(given)
+        return extended(*given)
+
+    monkeypatch.setattr(grow, "extended", counted)
+    x, y = root_in(CAMERA)
+    begun = SceneStart(load("bob"), Camera(160, 120, 150.0, depth=1.0), frozenset())
+    best = grown(frames, begun, [Root(x, y, (0.2 + 0.5 * 0.05) * PX)])[0]
+    # with one of the eight pairs of widths, each length in all frames
+    assert len(typical_widths(frames)) == 2
+    assert len(laid) == (LENGTHS + 2) * len(POSES)
+    # the pair that the masks show is the one that goes on
+    sizes = best.mechanism.values
+    assert sizes["link1.width"] < 0.5 * sizes["link1.sphere.width"]
+    assert sizes["link1.sphere.width"] * 150.0 == pytest.approx(0.05 * PX, abs=3.0)
 
 
 def test_what_is_held_keeps_its_proportions() -> None:

@@ -168,8 +168,9 @@ def test_a_part_that_cuts_the_scene_off_is_not_taken_for_agreeing_better(
 
 
 def test_usual_proportions_are_tried_before_parts_of_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
-    wide = load("double").with_values({"link1.width": 0.2})
-    scene, tried = found_with(monkeypatch, [0.4, 0.96], wide)
+    usual = load("double").with_values({"link1.width": 0.01})
+    monkeypatch.setattr(region, "in_usual_proportions", lambda mechanism, pinned: usual)
+    scene, tried = found_with(monkeypatch, [0.4, 0.96])
     assert (scene, len(tried)) == (0.96, 2)
     assert tried[0] is tried[1]
 

@@ -53,10 +53,14 @@ ELL = """<mujoco><worldbody><body name="a"><joint name="ja" axis="0 -1 0"/>
 def test_a_further_part_is_not_longer_than_its_body(tmp_path: Path) -> None:
     file = read(tmp_path, ELL)
     assert in_usual_proportions(file, ()) is file
-    long = file.with_values({"a.arm.length": 0.24, "a.width": 0.09})
+    long = file.with_values({"a.arm.length": 0.24})
     usual = in_usual_proportions(long, ())
     assert usual.values["a.arm.length"] == pytest.approx(0.05)
-    assert usual.values["a.width"] == pytest.approx(0.025)
     assert usual.values["a.length"] == file.values["a.length"]
-    held = in_usual_proportions(long, {"a.width"})
-    assert held.values["a.width"] == 0.09
+    assert in_usual_proportions(long, {"a.arm.length"}) is long
+
+
+def test_widths_change_nothing_in_what_is_searched(tmp_path: Path) -> None:
+    """The search takes them from the masks: to search again with others would find the same."""
+    wide = read(tmp_path, ELL).with_values({"a.width": 0.09, "a.arm.width": 0.09})
+    assert in_usual_proportions(wide, ()) is wide

@@ -126,17 +126,13 @@ def grown(frames: KeyFrames, start: SceneStart, roots: list[Root]) -> list[Struc
         [_amounts_within(*pair, root, quick.shrink) for pair in zip(quick.frames, shown, strict=True)]
         for root in roots
     ]
+    tried = [seed for i, root in enumerate(roots) for seed in _seeds(start, i, root, widths)]
     for link in range(len(start.mechanism.joints)):
-        if link == 0:
-            tried = [seed for i in range(len(roots)) for seed in _seeds(start, i, roots[i], widths)]
-        else:
-            tried = [
-                longer
-                for structure in structures
-                for longer in _lengthened(structure, start, link, roots[structure.root].reach)
-            ]
-        wide = [widened for one in tried for widened in _widened(one, start, link, widths)]
-        structures = _raced(wide, quick, amounts, link)
+        if link:
+            reaches = [(one, roots[one.root].reach) for one in structures]
+            tried = [longer for one, reach in reaches for longer in _lengthened(one, start, link, reach)]
+        wide = [list(_widened(one, start, link, widths)) for one in tried]
+        structures = _raced(wide, quick, amounts)
     return structures
 
 
@@ -298,32 +294,47 @@ def _believed(values: dict[str, float], sizes: list[Parameter]) -> dict[str, flo
 
 
 def _raced(
-    tried: list[Structure], frames: KeyFrames, amounts: list[list[np.ndarray]], link: int
+    tried: list[list[Structure]], frames: KeyFrames, amounts: list[list[np.ndarray]]
 ) -> list[Structure]:
-    """Lay the next link into a few frames, and where that goes best into the others."""
+    """Lay the last link, of structures that differ in its widths alone the best, into a few frames, and where
+    that goes best into the others."""
     every = range(len(frames.frames))
-    begun = on_all_cores(lambda one: _laid(one, frames, amounts[one.root], link, every[:FIRST_FRAMES]), tried)
+    begun = on_all_cores(lambda alike: _begun(alike, frames, amounts[alike[0].root]), tried)
     most = max(LEFT, round(LEFT_SHARE * len(begun)))
     left = _alternately(begun)
     left = left[:most] + [one for one in left[most:] if one.is_measured]
-    return _best(
-        on_all_cores(lambda one: _laid(one, frames, amounts[one.root], link, every[FIRST_FRAMES:]), left)
-    )
+    return _best(on_all_cores(lambda one: _laid(one, frames, amounts[one.root], every[FIRST_FRAMES:]), left))
+
+
+def _begun(alike: list[Structure], frames: KeyFrames, amounts: list[np.ndarray]) -> Structure:
+    """Lay the last link into the first frames with the widths that explain most of them.
+
+    Bodies of other widths lie where one lies: directions are tried for the first of them alone.
+    """
+    rows = range(len(frames.frames))[:FIRST_FRAMES]
+    first = _laid(alike[0], frames, amounts, rows)
+    rest = [_laid(replace(one, beams=first.beams), frames, amounts, rows, is_set=True) for one in alike[1:]]
+    return min([first, *rest], key=lambda one: one.score)
 
 
 def _laid(
-    structure: Structure, frames: KeyFrames, amounts: list[np.ndarray], link: int, rows: range
+    structure: Structure, frames: KeyFrames, amounts: list[np.ndarray], rows: range, *, is_set: bool = False
 ) -> Structure:
-    """Lay the next link into some of the frames."""
+    """Lay the last link into some of the frames; with ``is_set`` it stays where the beams have it."""
     rig = rig_of(structure.mechanism, structure.camera, shrink=frames.shrink)
     beams = list(structure.beams) or [np.zeros((1, len(rig.parent)))] * len(frames.frames)
     shares, near = list(structure.shares[: rows.start]), list(structure.near[: rows.start])
-    reach = _reach_px(structure, link) / frames.shrink
+    link = len(structure.steps) - 1
+    reach, geoms = _reach_px(structure, link) / frames.shrink, int(np.sum(rig.link <= link))
     for row in rows:
-        poses, costs = extended(frames.frames[row], rig, structure.mechanism, link, beams[row], NARROW)
+        frame, poses = frames.frames[row], beams[row]
+        if is_set:
+            costs = pose_balance(frame.balance, rig, poses, geoms)
+        else:
+            poses, costs = extended(frame, rig, structure.mechanism, link, poses, NARROW)
         order = np.argsort(costs, kind="stable")
         beams[row] = poses[order]
-        shares.append(unexplained(frames.frames[row], float(costs[order[0]])))
+        shares.append(unexplained(frame, float(costs[order[0]])))
         near.append(float(amounts[row][int(min(reach, len(amounts[row]) - 1))]))
     return replace(structure, beams=tuple(beams), shares=tuple(shares), near=tuple(near))
 

@@ -24,9 +24,8 @@ CONSTANT = ("forms", "outline", "radius", "depths")
 """Linear maps of a plan that give lengths."""
 
 
-MOST_EXTENT, MOST_WIDTH = 0.5, 0.25
-"""Extent of a further geom, or its distance from the axis, and width of any geom that are usual at most, in
-lengths of the body."""
+MOST_EXTENT = 0.5
+"""Extent of a further geom, or its distance from the axis, that is usual at most, in lengths of the body."""
 
 
 def scaled(mechanism: Mechanism, factor: float) -> Mechanism:
@@ -94,10 +93,10 @@ def _scaled_map(table: np.ndarray, factor: float) -> np.ndarray:
 
 
 def in_usual_proportions(mechanism: Mechanism, pinned: Collection[str]) -> Mechanism:
-    """Return a mechanism whose bodies have no part longer, or thicker for its length, than is usual.
+    """Return a mechanism whose bodies have no further part longer for their length than is usual.
 
     Parts of a body are found together with it, from the file's proportions; with a further part longer than
-    the body itself the two may be taken for one another.
+    the body itself the two may be taken for one another. Widths come from the masks, whatever the file has.
 
     Args:
         mechanism: As in its file.
@@ -108,11 +107,8 @@ def in_usual_proportions(mechanism: Mechanism, pinned: Collection[str]) -> Mecha
     """
     known, sizes = mechanism.values, {}
     for p in drawn(mechanism):
-        length = known.get(f"{p.owner}.length", 0.0)
-        most = {"extent": MOST_EXTENT, "across": MOST_EXTENT, "width": MOST_WIDTH}.get(
-            p.kind, np.inf
-        ) * length
-        if length > 0.0 and abs(p.value) > most and p.name not in pinned:
+        most = MOST_EXTENT * known.get(f"{p.owner}.length", 0.0)
+        if p.kind in ("extent", "across") and 0.0 < most < abs(p.value) and p.name not in pinned:
             sizes[p.name] = float(np.copysign(most, p.value))
     return mechanism.with_values(sizes) if sizes else mechanism
 
