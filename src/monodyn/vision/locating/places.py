@@ -98,7 +98,7 @@ def without_unseen(bundle: Bundle, file: Mechanism) -> Bundle:
     """Return a bundle in which what is placed along a body that no picture shows is where the file has it.
 
     A ball on a thread that cannot be seen tells where the thread ends: of the thread's length and the ball's
-    place on it, the pictures determine one.
+    place on it, the pictures determine one, and so of its place across it and the angle of the thread.
 
     Args:
         bundle: The refined mechanism.
@@ -108,7 +108,7 @@ def without_unseen(bundle: Bundle, file: Mechanism) -> Bundle:
         The bundle, its unseen lengths such that these places follow them. A width that no picture shows is
         that of a thread: with its new length the body may lie in the picture.
     """
-    variables, mechanism = bundle.variables, bundle.mechanism
+    variables, mechanism, positions = bundle.variables, bundle.mechanism, bundle.positions.copy()
     x = variables.read(mechanism, bundle.camera)
     known, values, names = file.values, mechanism.values, variables.names
     sizes: dict[str, float] = {}
@@ -116,22 +116,26 @@ def without_unseen(bundle: Bundle, file: Mechanism) -> Bundle:
     for name, size in zip(names, variables.against, strict=True):
         if not (name.endswith(".along") and size in names and file.parameter(name).follows) or size in sizes:
             continue
-        # the length grows, and the place on it stays where it is: what do the pictures say to that?
-        i, k = names.index(size), names.index(name)
-        grow = np.zeros(len(x))
-        grow[i], grow[k] = 1.0, -x[k]
+        # the length grows, and the places on it stay where they are: what do the pictures say to that?
+        i = names.index(size)
+        grow = np.where(np.array(variables.against) == size, -x, 0.0)
+        grow[i] = 1.0
         short = values[size] * bundle.camera.focal / bundle.camera.depth < SHORT_PX
         hidden = short or grow @ bundle.information @ grow < 1.0 / LOG_STD**2
         if hidden and known[name] * values[name] > 0.0:
-            sizes[size] = values[name] * known[size] / known[name]
-            tied.append(name)
-            width = size.removesuffix("length") + "width"
-            row = names.index(width) if width in names else i
-            if row != i and bundle.information[row, row] < 1.0 / LOG_STD**2:
+            body, across = size.removesuffix(".length"), name.removesuffix("along") + "across"
+            before, after = (complex(found[name], found[across]) for found in (values, known))
+            sizes[size] = abs(before / after) * known[size]
+            tied += [name, *({across} & {*names})]
+            link = mechanism.bodies.index(body)
+            positions[:, link] += mechanism.joints[link].sign * np.angle(before / after)
+            width = f"{body}.width"
+            if width in names and np.diag(bundle.information)[names.index(width)] < 1.0 / LOG_STD**2:
                 sizes[width] = LEAST_WIDTH_PX * bundle.camera.depth / bundle.camera.focal
     if not tied:
         return bundle
-    return replace(bundle, mechanism=mechanism.with_values(sizes).with_following(tied, follow=True))
+    mechanism = mechanism.with_values(sizes).with_following(tied, follow=True)
+    return replace(bundle, mechanism=mechanism, positions=positions)
 
 
 def _following(mechanism: Mechanism) -> list[str]:
