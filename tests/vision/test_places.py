@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from monodyn.types import Camera
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.foreground.masks import LEFT_OUT
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
+from monodyn.vision.locating.ends import seen_ends
+from monodyn.vision.locating.oblique import CLEAR, fall
 from monodyn.vision.locating.places import with_departed, with_names, without_names, without_unseen
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.thin import LEAST_WIDTH_PX
@@ -159,3 +162,47 @@ def test_a_thread_that_no_picture_shows_ends_at_its_ball(tmp_path: Path, count: 
         assert values[f"{body}.width"] == (before[f"{body}.width"] if shown else pytest.approx(thread))
         share = values[f"{body}.length"] / values[f"{ball}.along"]
         assert share == pytest.approx(0.5 if shown else 1.0, rel=0.05)
+
+
+def test_a_ball_whose_thread_no_picture_shows_is_on_the_thread(tmp_path: Path) -> None:
+    """Seen alone a ball may be anywhere on its body: the angle of the thread follows."""
+    file = on_rods(tmp_path, 1)
+    poses = np.random.default_rng(4).uniform(-2.5, -0.5, (10, 1))
+    free = file.with_following(["a.ball0.along", "a.ball0.across"], follow=False)
+    aside = free.with_values({"a.length": 0.1, "a.ball0.along": 0.2, "a.ball0.across": -0.03})
+    view = trusted(file)._replace(part=np.array([LEFT_OUT, 0]))
+    masks = KeyMasks([drawn_mask(aside, CAMERA, q) for q in poses], view)
+    names = [f"a.{size}" for size in ("length", "width", "ball0.width", "ball0.along", "ball0.across")]
+    variables = scene_variables(aside, [*names, "camera.x", "camera.y", "camera.depth"])
+    bundle = refine(masks, SceneGuess(aside, CAMERA, poses, np.zeros(10)), variables, SEARCH)
+    found = without_unseen(bundle, file)
+    values, before = found.mechanism.values, bundle.mechanism.values
+    assert all(found.mechanism.parameter(f"a.ball0.{place}").follows for place in ("along", "across"))
+    assert values["a.ball0.across"] == pytest.approx(0.0, abs=1e-12)
+    reach = np.hypot(before["a.ball0.along"], before["a.ball0.across"])
+    assert values["a.length"] == pytest.approx(reach, rel=1e-9)
+    # the ball stays where it was seen
+    places = []
+    for one in (bundle, found):
+        model = one.mechanism.values["a.ball0.along"] + 1j * one.mechanism.values["a.ball0.across"]
+        places.append(model * np.exp(1j * one.mechanism.joints[0].sign * one.positions[:, 0]))
+    assert places[1] == pytest.approx(places[0], abs=1e-9)
+
+
+@pytest.mark.parametrize(("rms_px", "decided"), [(0.18, False), (0.22, False), (0.10, True), (0.35, True)])
+def test_a_few_edges_do_not_decide_how_a_body_ends(tmp_path: Path, rms_px: float, decided: bool) -> None:
+    """A codec rounds the corners of a narrow bar in all frames: what takes a fifth of the residuals away is
+    clear by noise alone, and may be wrong."""
+    file = hammer(tmp_path, 0.0)
+    _, flat, _ = refined(file, file)
+    flat = replace(flat, rms_px=np.full(10, 0.2), matched=np.ones(10), samples=np.full(10, 400.0))
+    longer = flat.mechanism.with_values({"a.length": 1.02 * flat.mechanism.values["a.length"]})
+    round_ = replace(flat, mechanism=longer, rms_px=np.full(10, rms_px))
+    assert abs(fall(round_, flat)) > 2.0 * CLEAR**2
+    best, ends = seen_ends(flat, {"a": False}, lambda begun, ends: round_ if ends.get("a") else flat)
+    assert bool(ends) == (rms_px < 0.2)
+    assert (
+        not best.alternatives
+        if decided
+        else best.alternatives[0]["a.length"] == pytest.approx(np.log(1.02) * 0.5**0.5, rel=1e-6)
+    )

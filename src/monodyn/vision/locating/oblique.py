@@ -263,13 +263,21 @@ def fall(found: Bundle, before: Bundle) -> float:
         found: A refinement.
         before: Another one of the same key frames, whose number of samples counts.
     """
-    # a sample without an edge is at least as far off as an edge may be; an outline that left the picture
-    # has no samples: both count with those of the one before
-    after, since = (
-        bundle.matched * bundle.rms_px**2 + (1.0 - bundle.matched) * MATCHED_PX**2
-        for bundle in (found, before)
-    )
-    return float(before.samples @ (since - after)) / NOISE_PX**2
+    return remaining(before, before.samples) - remaining(found, before.samples)
+
+
+def remaining(bundle: Bundle, samples: np.ndarray) -> float:
+    """Return the squared residuals of a refinement, over the variance of an edge.
+
+    A sample without an edge is at least as far off as an edge may be; an outline that left the picture has no
+    samples: both count with those of another refinement.
+
+    Args:
+        bundle: The refinement.
+        samples: The number of samples that count in each key frame, (key frame,).
+    """
+    squares = bundle.matched * bundle.rms_px**2 + (1.0 - bundle.matched) * MATCHED_PX**2
+    return float(samples @ squares) / NOISE_PX**2
 
 
 def turned_by(found: Bundle, before: Bundle, names: Sequence[str]) -> float:
