@@ -59,6 +59,9 @@ REACH_PX, SPACING_PX = 4.0, 3.0
 LEAST_ALONE, LEAST_SHOWN = 0.02, 0.25
 """Share of a body's outline that the picture has to show by itself, and share of that which has to stand out
 from the background, below which the picture does not show the body."""
+CLEAR = 0.9
+"""Trust from which on a colour stands out so clearly that nothing of it is overlooked: of outlines that lie
+right, bars like the wall behind them showed bare wall at up to 0.8."""
 MOST_DURING = 24
 """Times of an exposure, at most, at which a moving outline is drawn."""
 FARTHEST_PX = 1e6
@@ -440,7 +443,7 @@ def _mismatch(
     missing, more = np.maximum(expected - covered, 0), np.maximum(covered - model, 0)
     area = max(float(covered[known].sum()), float(FULL))
     away = cv2.distanceTransform(_bare(scene, frame, window).astype(np.uint8), cv2.DIST_L2, 5)
-    bare_px = float(away[missing > FULL // 2].max(initial=0.0))
+    bare_px = float(away[(missing > FULL // 2) & (trust.max(axis=0) >= CLEAR)].max(initial=0.0))
     return float(missing.sum()) / area, float(more[known].sum()) / area, bare_px
 
 
