@@ -50,7 +50,7 @@ def kept_doubts(
     for k, record in enumerate(records):
         first, after = fitted_rows(fit, record, k)
         fitted.append(record[first:after])
-        stops.append(None if _rows(record[after:]) >= FEWEST else _stop(fitted[-1]))
+        stops.append(None if np.sum(record[after:].measured.any(axis=1)) >= FEWEST else _stop(fitted[-1]))
     if all(stop is None for stop in stops):
         return []
     parts = [record if stop is None else record[:stop] for record, stop in zip(fitted, stops, strict=True)]
@@ -119,8 +119,3 @@ def _stop(record: Poses) -> int | None:
     rows = np.flatnonzero(record.measured.any(axis=1))
     count = round(KEPT * len(rows))
     return int(rows[-count]) if count >= FEWEST else None
-
-
-def _rows(record: Poses) -> int:
-    """Return the number of measured rows of a record."""
-    return int(np.sum(record.measured.any(axis=1)))

@@ -17,7 +17,7 @@ import numpy as np
 from monodyn.checks import chosen_mechanism
 from monodyn.doubtful import unmeasured_joints
 from monodyn.errors import MechanismError, MonodynError, SettingsError
-from monodyn.estimation.fit import GRADES, Doubt, Fit, Grade
+from monodyn.estimation.fit import GRADES, Doubt, Fit
 from monodyn.estimation.record.tables import column_names, read_poses
 from monodyn.kept import kept_doubts
 from monodyn.mechanism.bundled import LONGEST_CHAIN
@@ -151,7 +151,7 @@ def best_fit(
     best, fit = order[0], order[0].fit
     if fit is None:
         raise errors[0]
-    said = [Compared(one.model, one is best, _said(one), grade=_grade(one)) for one in order]
+    said = [Compared(one.model, one is best, _said(one), grade=one.fit and one.fit.grade) for one in order]
     return best, fit, tuple(said)
 
 
@@ -161,11 +161,6 @@ def _fitted(one: Tabled, settings: RunSettings, progress: Progress | None) -> Ta
     hardly = unmeasured_joints(one.fitted)
     doubts = kept_doubts(fit, one.records, one.mechanism, settings.identify, progress)
     return replace(one, fit=fit.doubted([*([Doubt("approximate", hardly)] if hardly else []), *doubts]))
-
-
-def _grade(one: Tabled) -> Grade | None:
-    """Return the grade of its fit."""
-    return None if one.fit is None else one.fit.grade
 
 
 def _rank(one: Tabled) -> int:

@@ -226,7 +226,8 @@ def _drop(element: ET.Element, where: str, urdf: bool, total: list[int], copies:
             _refuse_loops(child, where)
         # Replicates inside of replicates multiply. The compiler would make every copy before anything could
         # be refused, so that the product is bounded here.
-        count = _whole(child.get("count", "0")) if tag == "replicate" else 1
+        number = re.fullmatch(r"\s*\d{1,9}\s*", child.get("count", "0") if tag == "replicate" else "1")
+        count = int(number[0]) if number else -1
         if not 1 <= count * copies <= MAX_COPIES:
             raise MechanismError(
                 f"{where}: <replicate>: expected a count from 1 to {MAX_COPIES}, got '{child.get('count')}'; "
@@ -266,11 +267,6 @@ def _refuse_loops(equality: ET.Element, where: str) -> None:
             f"{where}: equality <{child.tag}> '{name}': closed loops and coupled joints are not supported; "
             f"remove it."
         )
-
-
-def _whole(text: str) -> int:
-    """Return a whole number, or -1 if the text is none."""
-    return int(text) if re.fullmatch(r"\s*\d{1,9}\s*", text) else -1
 
 
 def _take_meshes(root: ET.Element, where: str, folder: Path) -> dict[str, bytes]:

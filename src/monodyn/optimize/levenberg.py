@@ -206,7 +206,8 @@ def _search(
         if gain > LEAST_GAIN and trial is not None:
             shared, local, model = at, local_at, trial
             # The scale never shrinks: a column that fades for a while does not get a longer step for it.
-            scale = _largest(scale, _diagonals(model))
+            now = _diagonals(model)
+            scale = np.maximum(scale[0], now[0]), np.maximum(scale[1], now[1])
         elif damping > MOST_DAMPING:
             status = STALLED
             break
@@ -317,12 +318,6 @@ def _diagonals(model: Arrow) -> tuple[np.ndarray, np.ndarray]:
     from monodyn.optimize.arrow import diagonals
 
     return diagonals(np.ascontiguousarray(model.hessian), np.ascontiguousarray(model.local_hessian))
-
-
-def _largest(
-    a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    return np.maximum(a[0], b[0]), np.maximum(a[1], b[1])
 
 
 def _next_damping(damping: float, gain: float) -> float:

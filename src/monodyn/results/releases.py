@@ -65,7 +65,7 @@ def releases(fit: Fit) -> list[Release]:
                 # a hinge behind one that is lifted turns back as far before it hangs
                 begin = hanging + away - np.where(loose, away.sum(), 0.0)
                 position = _hanging(fit, begin, loose)
-                position = np.where(is_hinge, _whole_degrees(position), position)
+                position = np.where(is_hinge, np.radians(np.round(np.degrees(position))) + 0.0, position)
                 if away.any() and np.all((lower <= position) & (position <= upper)):
                     # the other side tells about the same
                     found.append(Release(position, away, held))
@@ -140,11 +140,6 @@ def _ways(fit: Fit) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         fro = np.where(np.cumsum(bent) % 2 == 1, bent, -bent)
         ways += [(way, none, is_hinge) for way in (np.eye(count)[hinges[0]], bent, fro)]
     return ways
-
-
-def _whole_degrees(angle: np.ndarray) -> np.ndarray:
-    # a zero without its sign
-    return np.radians(np.round(np.degrees(angle))) + 0.0
 
 
 def _hanging(fit: Fit, begin: np.ndarray, loose: np.ndarray) -> np.ndarray:

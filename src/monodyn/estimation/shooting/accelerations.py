@@ -130,7 +130,7 @@ def mismatch_cost(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> floa
         x: Coordinates, (param,).
         motion: Smooth motion.
     """
-    rows = _mismatch(problem, x, motion)
+    rows = _weighed(problem, x, motion, model_accelerations(problem, x, motion))
     return float(rows @ rows)
 
 
@@ -191,10 +191,6 @@ def torque_response(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> np
     pushes = np.eye(len(problem.mechanism.joints))
     columns = [_along(problem, x, tree, motion, none + push) - still for push in pushes]
     return np.stack(columns, axis=2)
-
-
-def _mismatch(problem: Problem, x: np.ndarray, motion: SmoothMotion) -> np.ndarray:
-    return _weighed(problem, x, motion, model_accelerations(problem, x, motion))
 
 
 def _weighed(problem: Problem, x: np.ndarray, motion: SmoothMotion, found: np.ndarray) -> np.ndarray:

@@ -325,8 +325,10 @@ def choose_unknowns(mechanism: Mechanism, *, torques_only: bool = False, near: b
         upper=upper,
         tied=tuple(p.name for p in tied),
         tied_to=np.array(tied_to, dtype=int),
+        # leads of zero are equal when they grow
         tied_share=np.array(
-            [_share(p.value, start[i]) for p, i in zip(tied, tied_to, strict=True)], dtype=float
+            [1.0 if p.value == start[i] else p.value / start[i] for p, i in zip(tied, tied_to, strict=True)],
+            dtype=float,
         ),
     )
     # a place's bounds are ratios to the size at the start: the size's own bounds have no part in them
@@ -358,12 +360,6 @@ def _followed(mechanism: Mechanism) -> dict[str, str]:
         first = next((p for p in alike if p.value != 0.0), alike[0] if alike else None)
         found |= {p.name: first.name for p in alike if first is not None and p is not first}
     return found
-
-
-def _share(value: float, of: float) -> float:
-    """Return a start value as a share of that of the parameter it keeps its proportion to; leads of zero are
-    equal when they grow."""
-    return 1.0 if value == of else value / of
 
 
 def assumed_sizes(mechanism: Mechanism) -> list[Parameter]:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from monodyn.estimation.shooting.search import obstacle
-from monodyn.estimation.shooting.shoot import Optimum, multiple_shooting
+from monodyn.estimation.shooting.shoot import multiple_shooting
 from monodyn.estimation.torque.task import Task, TorqueSolution
 from monodyn.mechanism import Mechanism
 
@@ -55,9 +55,6 @@ def fit_many(model: TorqueModel, mechanism: Mechanism, task: Task) -> TorqueSolu
     optimum = multiple_shooting(problem, found.optimum.x, task.smoothed, search.route, search.report)
     if not optimum.complete or optimum.sigma > WORSE * max(found.optimum.sigma, 1.0):
         return model(mechanism, task)
-    return replace(found, problem=problem, optimum=_counted(optimum, found.optimum))
-
-
-def _counted(optimum: Optimum, before: Optimum) -> Optimum:
-    """Return an optimum with what the search before it evaluated, and where that might have ended as well."""
-    return replace(optimum, evaluations=optimum.evaluations + before.evaluations, twins=before.twins)
+    spent = optimum.evaluations + found.optimum.evaluations
+    optimum = replace(optimum, evaluations=spent, twins=found.optimum.twins)
+    return replace(found, problem=problem, optimum=optimum)

@@ -73,7 +73,7 @@ def regroup(tree: Tree | Trees) -> Regrouped:
     found = Regrouped({}, {}, {})
     for i in range(len(total)):
         # what slides on a hinged body changes its inertia with the motion: it cannot be regrouped
-        if tree.kind[i] != HINGE or _carries_slide(tree, i):
+        if np.any(tree.kind[(tree.parent == i) | (np.arange(len(total)) == i)] != HINGE):
             continue
         mass, cx, cy = links[i, MASS], links[i, COM_X], links[i, COM_Y]
         children = np.flatnonzero(tree.parent == i)
@@ -107,7 +107,3 @@ def features(trees: Trees, *, absolute: bool) -> tuple[np.ndarray, np.ndarray]:
         plain(trees.parent, np.int64), plain(trees.kind, np.int64), plain(trees.links, number),
         plain(trees.gravity, number), absolute,
     )  # fmt: skip
-
-
-def _carries_slide(tree: Tree | Trees, i: int) -> bool:
-    return any(tree.kind[j] != HINGE for j in np.flatnonzero(tree.parent == i))

@@ -64,7 +64,9 @@ def coverage_of(
         planes, window = np.empty(shape, dtype=np.uint8), wanted.window
         if not _contains(inside, window):
             planes[:, window.top : window.bottom, window.left : window.right] = 0
-        inside = _common(inside, _grown(window, _around(palette, shape[1:])))
+        by = _around(palette, shape[1:])
+        wider = Window(window.top - by, window.bottom + by, window.left - by, window.right + by)
+        inside = _common(inside, wider)
     if inside.top < inside.bottom and inside.left < inside.right:
         # gaps are closed, and shadows taken out, in a rectangle
         apart = wanted is not None and palette.shadow is None and not palette.varied
@@ -130,11 +132,6 @@ def _common(one: Window, other: Window) -> Window:
         max(one.left, other.left),
         min(one.right, other.right),
     )
-
-
-def _grown(window: Window, by: int) -> Window:
-    """Return a window with a margin to every side [px]."""
-    return Window(window.top - by, window.bottom + by, window.left - by, window.right + by)
 
 
 def _around(palette: Palette, shape: tuple[int, ...]) -> int:

@@ -87,13 +87,9 @@ def opened_masks(
                 f"{video.count} of {video.width}x{video.height}; give the masks of this clip."
             )
         if rate is None:
-            video = _timed(video, clip.times)
+            decode = partial(_restamped, video.decode, clip.times)
+            video = replace(video, times=clip.times, decode=decode)
     return OpenedMasks(video, planes)
-
-
-def _timed(video: Video, times: np.ndarray) -> Video:
-    """Return a clip with other time stamps [s], (frame,)."""
-    return replace(video, times=times, decode=partial(_restamped, video.decode, times))
 
 
 def _restamped(decode: Decode, times: np.ndarray, start: int, stop: int) -> Iterator[Frame]:

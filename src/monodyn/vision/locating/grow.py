@@ -373,8 +373,8 @@ def _best(tried: list[Structure]) -> list[Structure]:
     chosen: list[Structure] = []
     more = 2 if tried and len(tried[0].mechanism.joints) > ALL_TRIED else 1
     for one in _alternately(tried):
-        same = [other for other in chosen if other.root == one.root]
-        if len(same) >= more * KEPT_A_ROOT or any(_are_neighbours(one, other) for other in same):
+        same = [np.subtract(other.steps, one.steps) for other in chosen if other.root == one.root]
+        if len(same) >= more * KEPT_A_ROOT or any(np.all(np.abs(apart) <= 1) for apart in same):
             continue
         chosen.append(one)
         if len(chosen) == more * KEPT:
@@ -388,11 +388,6 @@ def _best(tried: list[Structure]) -> list[Structure]:
             )
             roots.add(one.root)
     return chosen
-
-
-def _are_neighbours(one: Structure, other: Structure) -> bool:
-    """Return whether all lengths of two structures are within a step of one another."""
-    return all(abs(a - b) <= 1 for a, b in zip(one.steps, other.steps, strict=True))
 
 
 def unexplained(frame: KeyFrame, cost: float) -> float:

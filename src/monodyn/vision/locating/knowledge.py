@@ -225,9 +225,8 @@ def shifted_turn(bundle: Bundle, name: str, *, bent: bool = False) -> float:
         return 0.0
     camera, off_px = bundle.camera, [bundle.systematic_px, bundle.sway_px]
     corner_px = 0.5 * float(np.hypot(camera.width, camera.height))
-    reach_px = longest_reach(rig_of(bundle.mechanism, camera)) * camera.focal / camera.depth
     # of a long thread the picture shows the end alone
-    reach_px = min(reach_px, corner_px)
+    reach_px = min(longest_reach(rig_of(bundle.mechanism, camera)) * camera.focal / camera.depth, corner_px)
     if bent and name != ROLL:
         stretches = STRETCHES if pendant_lengths(bundle.mechanism, camera) else 0.0
         off_px += [stretches * reach_px, BENDS * reach_px**3 / corner_px**2]

@@ -97,15 +97,13 @@ def parallax_of(scene: Scene) -> Nearer | None:
         weight = 1.0 / (1.0 + off**2)
     # each frame left out once: they differ by more than the noise of their edges
     count, moving = len(design), design[:, :, :2] - design[:, :, :2].mean(axis=0)
-    others = np.array([_solved(np.delete(weight, k), *_without(normal, right, k)) for k in range(count)])
+    others = np.array(
+        [_solved(*(np.delete(part, k, axis=0) for part in (weight, normal, right))) for k in range(count)]
+    )
     spread = np.einsum("kij,nj->nki", moving, (others - others.mean(axis=0))[:, :2])
     std = math.sqrt(float(np.sum(spread**2)) / count * (count - 1) / count)
     rms = math.sqrt(float(np.sum((moving @ line[:2]) ** 2)) / count)
     return Nearer(Parallax(float(line[0]), float(line[1]) * area), std, rms)
-
-
-def _without(normal: np.ndarray, right: np.ndarray, row: int) -> tuple[np.ndarray, np.ndarray]:
-    return np.delete(normal, row, axis=0), np.delete(right, row, axis=0)
 
 
 def _solved(weight: np.ndarray, normal: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -147,18 +147,14 @@ def _matched(track: str, wanted: str, targets: Mapping[str, Mark], *, exact: boo
     if mark is None and not exact:
         # other tools write capitals, blanks and dots differently
         alike = [m for name, m in targets.items() if _plain(name) == _plain(wanted)]
-        ends = [m for name, m in targets.items() if m.kind == END and _plain(name) == _stem(wanted)]
+        stem = re.sub(r"(end|tip)$", "", _plain(wanted))
+        ends = [m for name, m in targets.items() if m.kind == END and _plain(name) == stem]
         mark = (alike or ends or [None])[0]
     return None if mark is None else Mark(track, mark.target, mark.kind, mark.link, mark.place, mark.ahead)
 
 
 def _plain(name: str) -> str:
     return re.sub(r"[\s._-]+", "", name).casefold()
-
-
-def _stem(name: str) -> str:
-    """Return a name without a word for an end."""
-    return re.sub(r"(end|tip)$", "", _plain(name))
 
 
 def _refuse_same(marks: Sequence[Mark]) -> None:

@@ -129,11 +129,7 @@ def around(own: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
     reach = min(NEAR // 2, max(1, (count - 1) // 2))
     rows = np.clip(np.arange(count)[:, None] + np.arange(-reach, reach + 1), 0, count - 1)
     # angles are brought within half a turn of the middle one before their median
-    return poses + np.median(_within(poses[rows] - poses[:, None]), axis=1)
-
-
-def _within(change: np.ndarray) -> np.ndarray:
-    return np.arctan2(np.sin(change), np.cos(change))
+    return poses + np.median(np.angle(np.exp(1j * (poses[rows] - poses[:, None]))), axis=1)
 
 
 def named_rightly(
