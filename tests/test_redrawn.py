@@ -111,24 +111,6 @@ def test_an_outline_over_bare_background_is_not_trusted(
     )
 
 
-def test_a_mechanism_that_sways_is_not_trusted(
-    filmed: tuple[Scene, Poses], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fit, (scene, _) = identified(), filmed
-    located = replace(scene, mechanism=scaled().mechanism, camera=CAMERA)
-    monkeypatch.setattr(monodyn.redrawn, "_size", lambda *_: 60.0)
-    monkeypatch.setattr(monodyn.redrawn.Sight, "bare_px", 0.0)
-    for px, grades in ((0.6, []), (1.2, ["approximate"])):
-        monkeypatch.setattr(monodyn.redrawn.Sight, "sway_px", px)
-        doubts = redrawn(fit, located, followed()).doubts
-        assert [doubt.grade for doubt in doubts] == grades
-    assert doubts[0].reason == (
-        "The pictures show the whole mechanism 1.2 px beside where it was located, now here, now there, 2.0% "
-        "of the outline's size of 60 px. Its pivot gives way, by which sizes come out wrong, or the shutter "
-        "rolls: fasten what gives way, or give --camera.readout, or a length with --fix."
-    )
-
-
 def test_the_size_is_that_of_a_disc_as_large_as_what_is_in_the_picture(
     filmed: tuple[Scene, Poses],
 ) -> None:

@@ -32,10 +32,6 @@ BARE = 0.05
 makes a pose wrong. Outlines that lie right reach 1 to 4 %, the more the worse they stand out."""
 BARE_PX = 4.0
 """Reach that says nothing, however small the outline is: edges are looked for as far as that [px]."""
-SWAYS = 0.015
-"""Sway of the whole mechanism, over the outline's size, from which on it is not trusted: camera and sizes
-take up about as much again, and poses that are 3 % off are no longer right. Pivots that hold still leave less
-than 1 %."""
 MEASURED = 12
 """Frames, at most, by which the size of the outline is measured: it hardly changes."""
 
@@ -78,8 +74,6 @@ def redrawn(fit: Fit, scene: Scene | PointScene, followed: Poses) -> Fit:
     sight = Sight(scene.video, scene.masks, scene, followed)
     if sight.bare_px > max(BARE * size, BARE_PX):
         return fit.doubted([Doubt("approximate", _beyond(sight.bare_px, size))])
-    if sight.sway_px > SWAYS * size:
-        return fit.doubted([Doubt("approximate", _swaying(sight.sway_px, size))])
     return fit
 
 
@@ -99,16 +93,6 @@ def _beyond(px: float, size: float) -> str:
         f"its size of {size:.0f} px. A joint may give way, by which sizes come out wrong, or something "
         "stands before the mechanism and looks like what is behind it: diagnosis.png shows where; fasten "
         "what gives way, or give a length with --fix."
-    )
-
-
-def _swaying(px: float, size: float) -> str:
-    """Return the sentence on a mechanism whose pivot does not stay where it is."""
-    return (
-        f"The pictures show the whole mechanism {px:.1f} px beside where it was located, now here, now "
-        f"there, {px / size:.1%} of the outline's size of {size:.0f} px. Its pivot gives way, by which sizes "
-        "come out wrong, or the shutter rolls: fasten what gives way, or give --camera.readout, or a length "
-        "with --fix."
     )
 
 
