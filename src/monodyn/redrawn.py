@@ -69,11 +69,9 @@ def redrawn(fit: Fit, scene: Scene | PointScene, followed: Poses) -> Fit:
         if px[worst] > BESIDE * size:
             said = _contradicted(what, marks[worst].target, float(px[worst]), size)
             return fit.doubted([Doubt("refused", said)])
-    if not isinstance(scene, Scene):
-        return fit
-    sight = Sight(scene.video, scene.masks, scene, followed)
-    if sight.bare_px > max(BARE * size, BARE_PX):
-        return fit.doubted([Doubt("approximate", _beyond(sight.bare_px, size))])
+    bare_px = Sight(scene.video, scene.masks, scene, followed).bare_px if isinstance(scene, Scene) else 0.0
+    if bare_px > max(BARE * size, BARE_PX):
+        return fit.doubted([Doubt("approximate", _beyond(bare_px, size))])
     return fit
 
 
