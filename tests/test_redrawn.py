@@ -13,6 +13,7 @@ import pytest
 import monodyn.redrawn
 from films import film
 from fits import identified, record
+from monodyn.mechanism import load
 from monodyn.redrawn import redrawn
 from monodyn.types import Camera, Poses
 from monodyn.vision.drawing.outline import outline
@@ -109,6 +110,20 @@ def test_an_outline_over_bare_background_is_not_trusted(
         "looks like what is behind it: diagnosis.png shows where; fasten what gives way, or give a length "
         "with --fix."
     )
+
+
+def test_a_ball_is_compared_that_stands_beside_its_thread() -> None:
+    """The end of its thread may be outside of the picture, and the ball is what is seen."""
+    bob = load("bob").with_following(["link1.sphere.across"], follow=False)
+    aside = bob.with_values({"link1.sphere.across": 0.1 * bob.values["link1.length"]})
+    for mechanism in (bob, aside):
+        for q in (-1.2, 0.4):
+            ball = monodyn.redrawn._shown([], mechanism, CAMERA, np.array([[q]]))[0, 0]
+            (corners,) = [
+                corners for _, corners in outline(mechanism, CAMERA, np.array([q])) if len(corners) > 8
+            ][-1:]
+            # the outline of a ball beside the optical axis is an ellipse, a little beside the ball's middle
+            assert ball == pytest.approx(0.5 * (corners.min(axis=0) + corners.max(axis=0)), abs=1.0)
 
 
 def test_the_size_is_that_of_a_disc_as_large_as_what_is_in_the_picture(

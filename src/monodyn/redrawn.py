@@ -40,7 +40,7 @@ def redrawn(fit: Fit, scene: Scene | PointScene, followed: Poses) -> Fit:
     """Return a fit of a clip with what the pictures say against what it reports.
 
     The frames after the fitted ones judge the motion by its own band (``heldout``), and here the poses.
-    Joints, far ends and sites are compared: how far a hidden end stands out is no part of a pose.
+    Joints, far ends, sites and balls are compared: how far a hidden end stands out is no part of a pose.
 
     Args:
         fit: The fit.
@@ -56,6 +56,8 @@ def redrawn(fit: Fit, scene: Scene | PointScene, followed: Poses) -> Fit:
     fitted[trace.rows[1] :] = False
     size = _size(scene, followed.position[known])
     marks = [mark for mark in targets_of(scene.mechanism).values() if mark.kind != SCENE]
+    shapes = scene.mechanism.shapes
+    names = [*(mark.target for mark in marks), *np.array(shapes.body)[np.diff(shapes.first) == 1].tolist()]
     for what, rows, position in (
         ("The poses that are reported contradict", known, filmed.tracked.position),
         ("The identified motion contradicts", fitted, trace.states.position),
@@ -64,10 +66,10 @@ def redrawn(fit: Fit, scene: Scene | PointScene, followed: Poses) -> Fit:
         after = _shown(marks, filmed.mechanism, filmed.camera, position[rows])
         inside = np.all((before >= 0.0) & (before < [scene.camera.width, scene.camera.height]), axis=2)
         away = np.where(inside, np.linalg.norm(after - before, axis=2), 0.0)
-        px = np.quantile(away, 1.0 - STRAY, axis=0) if len(away) else np.zeros(len(marks))
+        px = np.quantile(away, 1.0 - STRAY, axis=0) if len(away) else np.zeros(len(names))
         worst = int(np.argmax(px))
         if px[worst] > BESIDE * size:
-            said = _contradicted(what, marks[worst].target, float(px[worst]), size)
+            said = _contradicted(what, names[worst], float(px[worst]), size)
             return fit.doubted([Doubt("refused", said)])
     bare_px = Sight(scene.video, scene.masks, scene, followed).bare_px if isinstance(scene, Scene) else 0.0
     if bare_px > max(BARE * size, BARE_PX):
@@ -95,9 +97,15 @@ def _beyond(px: float, size: float) -> str:
 
 
 def _shown(marks: Sequence[Mark], mechanism: Mechanism, camera: Camera, position: np.ndarray) -> np.ndarray:
-    """Return where some poses, (frame, dof), have points of the mechanism [px], (frame, point, 2)."""
+    """Return where some poses, (frame, dof), have points of the mechanism, and then its balls [px],
+    (frame, point, 2)."""
     places = Places(tuple(marks), mechanism, np.zeros(0, dtype=np.int64))
-    return project(shown_by(places, mechanism, camera, np.zeros((0, 2))), position)
+    shown, shapes = shown_by(places, mechanism, camera, np.zeros((0, 2))), mechanism.shapes
+    balls = np.diff(shapes.first) == 1
+    middle = shapes.points[shapes.first[:-1][balls]]
+    link, height = np.append(shown.link, shapes.link[balls]), np.append(shown.height, middle[:, 2])
+    place = np.concatenate([shown.place, middle[:, :2]])
+    return project(shown._replace(link=link, place=place, height=height), position)
 
 
 def _size(scene: Scene | PointScene, position: np.ndarray) -> float:
