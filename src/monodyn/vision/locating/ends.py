@@ -26,8 +26,8 @@ from monodyn.vision.locating.unit import drawn, growth, scaled
 FEW = 8
 """Key frames, at most, in which it is tried how bodies end."""
 DECISIVE = 0.5
-"""Share of the squared residuals that other ends take away or add where the pictures decide between them. A
-codec rounds the corners of a bar as narrow as 8 px: ends that are not the true ones took away up to a fifth,
+"""Share of the squared residuals that other ends than the file's have to take away. A codec rounds the
+corners of a bar as narrow as 8 px in all frames: ends that are not the true ones took away up to a fifth,
 true ones of wide bars more than two thirds."""
 
 Refined = Callable[[Bundle, Mapping[str, float]], Bundle]
@@ -108,8 +108,9 @@ def seen_ends(
             # the other ends have overhangs, which are nothing that speaks for them
             reaching = file | {body: share if bodies[body] else 0.0 for body, share in shares.items()}
             gain -= max(fall(refined(best, reaching), first), 0.0)
-        best, ends = (second, ends | other) if gain > CLEAR**2 else (first, file)
-        if abs(gain) < max(CLEAR**2, DECISIVE * remaining(first, first.samples)) and len(some) == 1:
+        clear = max(CLEAR**2, DECISIVE * remaining(first, first.samples))
+        best, ends = (second, ends | other) if gain > clear else (first, file)
+        if -(CLEAR**2) < gain < clear and len(some) == 1:
             alternatives.append(_spread(first, second))
     return replace(best, alternatives=tuple(alternatives)), ends
 
