@@ -59,6 +59,8 @@ REACH_PX, SPACING_PX = 4.0, 3.0
 LEAST_ALONE, LEAST_SHOWN = 0.02, 0.25
 """Share of a body's outline that the picture has to show by itself, and share of that which has to stand out
 from the background, below which the picture does not show the body."""
+BORDER = np.ones((5, 5), np.uint8)
+"""What is so near to another body, by 2 px, may be that one's edge."""
 CLEAR = 0.9
 """Trust from which on a colour stands out so clearly that nothing of it is overlooked: of outlines that lie
 right, bars like the wall behind them showed bare wall at up to 0.8."""
@@ -371,8 +373,8 @@ def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool, arou
 
 
 def _alone(scene: Scene, planes: np.ndarray, view: View, position: np.ndarray) -> np.ndarray:
-    """Return of each body the area of its outline, how much of the picture it alone covers, and how much of
-    that stands out from the background [px], (body, 3)."""
+    """Return of each body the area of its outline, how much of the picture it alone covers beyond the edges of
+    others, and how much of that stands out from the background [px], (body, 3)."""
     import cv2
 
     covered, known = planes.max(axis=0), view.trust.max(axis=0) >= TRUSTED
@@ -383,7 +385,11 @@ def _alone(scene: Scene, planes: np.ndarray, view: View, position: np.ndarray) -
     areas = [sum(cv2.contourArea(one.astype(np.float32)) for one in own) for own in polygons]
     drawn = [_drawn(own, whole) for own in polygons]
     every = np.sum(drawn, axis=0, dtype=np.int32)
-    alone = [known & (own > FULL // 2) & (every == own) for own in drawn]
+    others = [(every > own).astype(np.uint8) for own in drawn]
+    alone = [
+        known & (own > FULL // 2) & ~cv2.dilate(other, BORDER).astype(bool)
+        for own, other in zip(drawn, others, strict=True)
+    ]
     shown = [np.minimum(covered[own], FULL).sum() / FULL for own in alone]
     return np.column_stack((areas, [own.sum() for own in alone], shown))
 

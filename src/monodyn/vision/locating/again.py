@@ -81,6 +81,7 @@ def find_again(sought: locate.Sought, scene: Scene, tracked: Poses, *, looks: bo
     )
     planes = [frames.frames[i].planes for i in kept]
     whole = KeyMasks(planes, frames.view, shutter=followed.shutter.only(kept))
+    bundle = replace(bundle, alternatives=() if scene.doubt is None else scene.doubt.bundle.alternatives)
     looking = (
         locate.camera_looks(sought, whole, bundle) if looks else Looking(bundle, bundle.variables, bundle)
     )

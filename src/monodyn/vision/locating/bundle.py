@@ -87,8 +87,8 @@ class Bundle:
         samples: Outline samples at which an edge could be looked for, (key frame,).
         systematic_px: Standard deviation of a size that more key frames do not reduce [px].
         sway_px: Standard deviation of the place of the whole mechanism in a key frame, next to its pose [px].
-        alternatives: Changes of the variables, by name, that the pictures allow as well: if light was mixed
-            before it was coded, or a body ends otherwise.
+        alternatives: Changes of the variables, by name, that the pictures allow as well: if a body ends
+            otherwise, the camera looks squarely, or light was mixed before it was coded.
         unsettled: By how much the edges would still move each variable, (param,): what shows only where it
             stands too far out is drawn back until it no longer shows. Empty counts as nothing.
     """
@@ -111,6 +111,21 @@ class Bundle:
     def agreement(self) -> float:
         """Mean share of outline samples on an edge, each counting less the further off it is."""
         return float(np.mean(self.matched * (1.0 - (self.rms_px / MATCHED_PX) ** 2)))
+
+
+def spread(bundle: Bundle, other: Bundle) -> dict[str, float]:
+    """Return standard deviations of the variables, by name, where another refinement is as likely.
+
+    Args:
+        bundle: The one that is taken.
+        other: The other one.
+    """
+    here, there = (
+        dict(zip(one.variables.names, one.variables.read(one.mechanism, one.camera).tolist(), strict=True))
+        for one in (bundle, other)
+    )
+    # of two values that are as likely either one is off by their distance half of the time
+    return {name: (there[name] - value) * 0.5**0.5 for name, value in here.items() if name in there}
 
 
 def refine(

@@ -17,18 +17,14 @@ from monodyn.mechanism import Mechanism
 from monodyn.mechanism.ends import plain_bodies, with_ends
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.locating.arrange import freed
-from monodyn.vision.locating.bundle import SETTLE, Bundle, KeyMasks, refine
-from monodyn.vision.locating.oblique import CLEAR, fall, remaining
+from monodyn.vision.locating.bundle import SETTLE, Bundle, KeyMasks, refine, spread
+from monodyn.vision.locating.oblique import CLEAR, DECISIVE, fall, remaining
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.sought import Sought, refined_names, whole_variables
 from monodyn.vision.locating.unit import drawn, growth, scaled
 
 FEW = 8
 """Key frames, at most, in which it is tried how bodies end."""
-DECISIVE = 0.5
-"""Share of the squared residuals that other ends than the file's have to take away. A codec rounds the
-corners of a bar as narrow as 8 px in all frames: ends that are not the true ones took away up to a fifth,
-true ones of wide bars more than two thirds."""
 
 Refined = Callable[[Bundle, Mapping[str, float]], Bundle]
 """Refines a bundle whose bodies have other ends, as ``with_ends`` takes them."""
@@ -111,7 +107,7 @@ def seen_ends(
         clear = max(CLEAR**2, DECISIVE * remaining(first, first.samples))
         best, ends = (second, ends | other) if gain > clear else (first, file)
         if -(CLEAR**2) < gain < clear and len(some) == 1:
-            alternatives.append(_spread(first, second))
+            alternatives.append(spread(first, second))
     return replace(best, alternatives=tuple(alternatives)), ends
 
 
@@ -126,13 +122,3 @@ def round_share(mechanism: Mechanism, body: str) -> float:
     cap = 0.5 * known[f"{body}.width"]
     whole = known[f"{body}.length"] + known.get(f"{body}.tail", cap) + known.get(f"{body}.tip", 0.0)
     return min(cap / whole, 0.5)
-
-
-def _spread(bundle: Bundle, other: Bundle) -> dict[str, float]:
-    """Return standard deviations of the variables, by name, where another refinement is as likely."""
-    here, there = (
-        dict(zip(one.variables.names, one.variables.read(one.mechanism, one.camera).tolist(), strict=True))
-        for one in (bundle, other)
-    )
-    # of two values that are as likely either one is off by their distance half of the time
-    return {name: (there[name] - value) * 0.5**0.5 for name, value in here.items() if name in there}

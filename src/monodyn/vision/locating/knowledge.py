@@ -190,6 +190,8 @@ def camera_std(bundle: Bundle, *, scale_free: bool) -> dict[str, float]:
     slope = _camera_slope(bundle, cameras)
     variance = np.einsum("ci,ij,cj->c", slope, covariance, slope)
     variance += [shifted_turn(bundle, name, bent=True) ** 2 for name in cameras]
+    for way in bundle.alternatives:
+        variance += (slope @ [way.get(name, 0.0) for name in names]) ** 2
     return dict(zip(cameras, np.sqrt(np.maximum(variance, 0.0)).tolist(), strict=True))
 
 

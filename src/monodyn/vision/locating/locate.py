@@ -116,9 +116,8 @@ def find_scene(sought: Sought) -> Scene:
     bundle, rows = refined_whole(frames, better, variables, search, settings.refine_frames)
     if departed:
         bundle, _ = with_departed(_whole(frames, rows), bundle, variables, FINE)
-        camera = camera_looks(sought, _whole(frames, rows), bundle)
-        bundle = camera.bundle
-    bundle = replace(bundle, alternatives=ended.alternatives)
+        camera = camera_looks(sought, _whole(frames, rows), replace(bundle, alternatives=ended.alternatives))
+    bundle = replace(camera.bundle if departed else bundle, alternatives=camera.bundle.alternatives)
     sought.step(STEPS)
     return found_scene(sought, masks, frames.only(rows), bundle, camera)
 
@@ -282,13 +281,14 @@ def found_scene(
     pictures = [picture_of[frame.index] for frame in judged.frames]
     lit = lit_sizes(whole, pictures, masks.background, bundle, rows)
     exact = exactness_of(whole, bundle, np.array(rows))
-    bundle = replace(exact.of(bundle), alternatives=(*bundle.alternatives, lit))
+    bundle = exact.of(bundle)
     looks = replace(looks, doubted=exact.of(looks.doubted))
     names = bundle.variables.names
     sizes = [p.name for p in bundle.mechanism.parameters if p.kind in SIZE_KINDS and not p.follows]
     # a single size that is held, or the depth, pins the common scale
     scale_free = "camera.depth" in names and all(name in names for name in sizes)
-    measured = size_information(bundle, scale_free=scale_free)
+    allowed = replace(bundle, alternatives=(*bundle.alternatives, lit))
+    measured = size_information(allowed, scale_free=scale_free)
     std = looks.camera_std(bundle, scale_free=scale_free)
     order = [frame.index for frame in frames.frames]
     first = int(np.argmin(order))
@@ -296,7 +296,7 @@ def found_scene(
     freed = {name: value for name, value in std.items() if name in sought.free}
     share = float(np.median(left_shares(judged, shown.mechanism, shown.camera, shown.positions)))
     advice = scene_advice(bundle, freed, share, varied=masks.varied)
-    advice += hidden_advice(hidden_places(bundle, scale_free=scale_free))
+    advice += hidden_advice(hidden_places(allowed, scale_free=scale_free))
     advice += twin_advice(bundle.camera, looks.twin)
     camera = bundle.camera
     metre = units_per_metre(bundle.mechanism, camera, sought.mechanism, sought.fix, sought.pinned)
