@@ -205,9 +205,6 @@ def doubt_of(bundle: Bundle, known: Bundle, off: np.ndarray, metre: float, *, sc
             covariance[i, i] += (bundle.systematic_px / px) ** 2
         else:
             covariance[i, i] += shifted_turn(bundle, name) ** 2
-    ways = [[way.get(name, 0.0) for name in variables.names] for way in bundle.alternatives]
-    for way in (off, *ways):
-        covariance += np.outer(way, way)
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = np.linalg.eigh(covariance + np.outer(off, off))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     return Doubt(replace(bundle, variables=variables, unsettled=known.unsettled), root, metre)
