@@ -112,6 +112,25 @@ def test_an_outline_over_bare_background_is_not_trusted(
     )
 
 
+def test_where_a_mechanism_turns_that_sways_is_not_trusted(
+    filmed: tuple[Scene, Poses], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fit, (scene, _) = identified(), filmed
+    doubt: Any = SimpleNamespace(bundle=None)
+    located = replace(scene, mechanism=scaled().mechanism, camera=CAMERA, doubt=doubt)
+    monkeypatch.setattr(monodyn.redrawn.Sight, "bare_px", 0.0)
+    monkeypatch.setattr(monodyn.redrawn, "_size", lambda *_: 100.0)
+    for px, grades in ((4.9, []), (5.2, ["approximate"])):
+        monkeypatch.setattr(monodyn.redrawn, "hinge_px", lambda _, px=px: px)
+        doubts = redrawn(fit, located, followed()).doubts
+        assert [doubt.grade for doubt in doubts] == grades
+    assert doubts[0].reason == (
+        "Where 'link1' turns is known to 5 px along it, 5% of the outline's size: the whole mechanism sways "
+        "beside its turns, as where its pivot gives way, and lengths may be off by more than their intervals "
+        "say. Fasten the pivot, let it swing farther, or give a length with --fix."
+    )
+
+
 def test_a_ball_is_compared_that_stands_beside_its_thread() -> None:
     """The end of its thread may be outside of the picture, and the ball is what is seen."""
     bob = load("bob").with_following(["link1.sphere.across"], follow=False)

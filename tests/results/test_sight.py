@@ -201,6 +201,19 @@ def test_a_body_that_nothing_shows_is_named(filmed: tuple[Scene, Poses]) -> None
     assert Sight(scene.masks.video, without.masks, without, poses).unshown == [last]
 
 
+def test_what_reaches_beyond_another_body_by_two_pixels_shows_nothing(filmed: tuple[Scene, Poses]) -> None:
+    """The last body, all but hidden behind the one before it, whose edges are what is seen."""
+    scene, poses = filmed
+    *_, first, last = dict.fromkeys(scene.mechanism.shapes.body)
+    values, px = scene.mechanism.values, scene.camera.depth / scene.camera.focal
+    speck = {f"{last}.length": 0.3 * values[f"{first}.length"]}
+    speck[f"{last}.width"] = values[f"{first}.width"] + 2.0 * px
+    hidden = replace(scene, mechanism=scene.mechanism.with_values(speck))
+    folded = replace(poses, position=poses.position * [1.0, 0.0] + [0.0, np.pi])
+    sight = Sight(hidden.masks.video, hidden.masks, hidden, folded)
+    assert last in sight.unshown
+
+
 def test_frames_that_were_not_tracked_are_judged_where_they_were_located(filmed: tuple[Scene, Poses]) -> None:
     scene, poses = filmed
     few = replace(scene, key_frames=(0, 30), key_positions=poses.position[[0, 30]])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from monodyn.vision.locating.knowledge import (
     camera_std,
     covariance_of,
     hidden_places,
+    hinge_px,
     pendant_lengths,
     shifted_turn,
     size_information,
@@ -116,6 +118,17 @@ def test_what_holds_a_ball_is_a_thread_or_a_rod() -> None:
     assert pendant_lengths(bob.with_values({"link1.width": 2.0 * px}), CAMERA) == ["link1.length"]
     assert pendant_lengths(bob.with_values({"link1.width": 4.0 * px}), CAMERA) == []
     assert pendant_lengths(load("double"), CAMERA) == []
+
+
+def test_a_hinge_is_known_no_better_than_it_holds_still() -> None:
+    """Give way by 2 px in step with a swing of 0.2 rad, and the point about which it turns moves by 10 px."""
+    swings = np.column_stack([[-0.2, 0.2] * 4, np.zeros(8)])
+    bundle: Any = SimpleNamespace(mechanism=load("double"), camera=CAMERA, positions=swings, sway_px=2.0)
+    assert hinge_px(bundle) == pytest.approx(10.0, rel=0.01)
+    # a rail is no pivot, and of a thread the length is not known so well anyway
+    for other in ("cartpole", "ball"):
+        bundle.mechanism = load(other)
+        assert hinge_px(bundle) == 0.0
 
 
 def test_the_length_of_a_thread_is_no_better_known_than_threads_stretch() -> None:

@@ -175,6 +175,49 @@ def test_turns_that_bring_no_edge_nearer_are_not_believed() -> None:
     assert looks.doubted.camera.yaw != 0.0
 
 
+def test_turns_that_leave_most_of_the_residuals_may_as_well_be_none() -> None:
+    """A mechanism that sways by a third of a pixel: what it does is not in the noise of its edges."""
+    double, rng = load("double"), np.random.default_rng(5)
+    square = Camera(400, 300, 400.0, x=0.02, y=-0.03, depth=0.95)
+    poses = np.column_stack([rng.uniform(-2.8, -0.3, 12), rng.uniform(-1.5, 1.5, 12)])
+    variables = replace(scene_variables(double, NAMES), focal=400.0, about_origin=True)
+    guess = SceneGuess(double, square, poses, np.zeros(12))
+    for yaw, undecided in ((0.02, True), (0.15, False)):
+        turned = from_origin(replace(square, yaw=yaw))
+        sways = rng.normal(0.0, 0.35 * square.depth / square.focal, (12, 2))
+        masks = KeyMasks(
+            [
+                drawn_mask(double, replace(turned, x=turned.x + x, y=turned.y + y), q)
+                for q, (x, y) in zip(poses, sways, strict=True)
+            ],
+            trusted(double, turned),
+        )
+        looks = looking(masks, refine(masks, guess, variables, SEARCH), OPEN, (), SEARCH)
+        found_yaw = looks.bundle.camera.yaw
+        std = looks.camera_std(looks.bundle, scale_free=True)["camera.yaw"]
+        assert abs(found_yaw - yaw) < 4.0 * std
+        assert bool(looks.bundle.alternatives) == undecided
+        # a camera that looks squarely is within the interval, too
+        assert (abs(found_yaw) < 2.0 * std) == undecided
+
+
+def test_a_roll_shows_by_itself() -> None:
+    """What it takes away is no reason to turn the camera otherwise."""
+    cart, rng = load("cartpole"), np.random.default_rng(2)
+    camera = Camera(400, 300, 400.0, depth=1.6)
+    poses = np.column_stack([rng.uniform(-0.2, 0.2, 12), rng.uniform(-2.4, -0.7, 12)])
+    rolled = from_origin(replace(camera, roll=0.05))
+    masks = KeyMasks([drawn_mask(cart, rolled, q) for q in poses], trusted(cart, rolled))
+    names = [p.name for p in cart.parameters if p.kind in ("length", "width")]
+    variables = scene_variables(cart, [*names, "camera.y", "camera.depth"])
+    variables = replace(variables, focal=400.0, about_origin=True)
+    bundle = refine(masks, SceneGuess(cart, camera, poses, np.zeros(12)), variables, SEARCH)
+    looks = looking(masks, bundle, ["camera.roll", *OPEN], (), SEARCH)
+    assert looks.bundle.camera.roll == pytest.approx(0.05, abs=2e-3)
+    assert "camera.roll" in looks.variables.names
+    assert looks.bundle.camera.yaw == looks.bundle.camera.pitch == 0.0
+
+
 def test_what_the_user_asks_for_is_estimated_in_any_case() -> None:
     looks = found(0.0, ("camera.yaw",))
     assert "camera.yaw" in looks.variables.names

@@ -373,8 +373,8 @@ def _judge(scene: Scene, frame: Frame, position: np.ndarray, tracked: bool, arou
 
 
 def _alone(scene: Scene, planes: np.ndarray, view: View, position: np.ndarray) -> np.ndarray:
-    """Return of each body the area of its outline, how much of the picture it alone covers beyond the edges of
-    others, and how much of that stands out from the background [px], (body, 3)."""
+    """Return of each body the area of its outline, how much of the picture it alone covers, but for what may
+    be another one's edge, and how much of that stands out from the background [px], (body, 3)."""
     import cv2
 
     covered, known = planes.max(axis=0), view.trust.max(axis=0) >= TRUSTED

@@ -72,6 +72,21 @@ def pendant_lengths(mechanism: Mechanism, camera: Camera) -> list[str]:
     return found
 
 
+def hinge_px(bundle: Bundle) -> float:
+    """Return the standard deviation of where along its first body a mechanism turns [px].
+
+    What gives way in step with the swing looks like a hinge that is elsewhere. As far as it does so out of
+    step the mechanism sways.
+
+    Args:
+        bundle: A refined bundle; 0 where its root slides, or hangs by a thread or out of the picture.
+    """
+    mechanism = bundle.mechanism
+    if root_slides(mechanism) or f"{mechanism.bodies[0]}.length" in pendant_lengths(mechanism, bundle.camera):
+        return 0.0
+    return bundle.sway_px / max(float(np.std(np.exp(1j * bundle.positions[:, 0]))), 1e-9)
+
+
 def hidden_places(bundle: Bundle, *, scale_free: bool) -> list[str]:
     """Name the places of geoms that no picture determines, because an end lies inside of another geom.
 
