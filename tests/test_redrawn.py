@@ -125,9 +125,10 @@ def test_where_a_mechanism_turns_that_sways_is_not_trusted(
         doubts = redrawn(fit, located, followed()).doubts
         assert [doubt.grade for doubt in doubts] == grades
     assert doubts[0].reason == (
-        "Where 'link1' turns is known to 5 px along it, 5% of the outline's size: the whole mechanism sways "
-        "beside its turns, as where its pivot gives way, and lengths may be off by more than their intervals "
-        "say. Fasten the pivot, let it swing farther, or give a length with --fix."
+        "The hinge of 'link1' may be 5 px farther up or down the body, 5% of the outline's size: the whole "
+        "mechanism moves in the picture beside its turns, as where a pivot gives way, and lengths may be off "
+        "by more than their intervals say. Fasten the pivot, let it swing farther, or give the length with "
+        "--fix link1.length."
     )
 
 

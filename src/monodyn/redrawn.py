@@ -33,7 +33,7 @@ BARE = 0.05
 makes a pose wrong. Outlines that lie right reach 1 to 4 %, the more the worse they stand out."""
 BARE_PX = 4.0
 """Reach that says nothing, however small the outline is: edges are looked for as far as that [px]."""
-HINGE = 0.05
+UNSTEADY = 0.05
 """Standard deviation of where the mechanism turns, over the outline's size, from which it is not trusted:
 twice that makes a pose wrong. Where a pivot holds still 54 of 55 drawn links stay below."""
 MEASURED = 12
@@ -76,7 +76,7 @@ def redrawn(fit: Fit, scene: Scene | PointScene, followed: Poses) -> Fit:
             said = _contradicted(what, names[worst], float(px[worst]), size)
             return fit.doubted([Doubt("refused", said)])
     hinge = 0.0 if not isinstance(scene, Scene) or scene.doubt is None else hinge_px(scene.doubt.bundle)
-    if hinge > HINGE * size:
+    if hinge > UNSTEADY * size:
         fit = fit.doubted([Doubt("approximate", _unsteady(scene.mechanism.bodies[0], hinge, size))])
     bare_px = Sight(scene.video, scene.masks, scene, followed).bare_px if isinstance(scene, Scene) else 0.0
     if bare_px > max(BARE * size, BARE_PX):
@@ -96,9 +96,10 @@ def _contradicted(what: str, point: str, px: float, size: float) -> str:
 def _unsteady(body: str, px: float, size: float) -> str:
     """Return the sentence on a hinge that may be elsewhere."""
     return (
-        f"Where '{body}' turns is known to {px:.0f} px along it, {px / size:.0%} of the outline's size: the "
-        "whole mechanism sways beside its turns, as where its pivot gives way, and lengths may be off by "
-        "more than their intervals say. Fasten the pivot, let it swing farther, or give a length with --fix."
+        f"The hinge of '{body}' may be {px:.0f} px farther up or down the body, {px / size:.0%} of the "
+        "outline's size: the whole mechanism moves in the picture beside its turns, as where a pivot gives "
+        "way, and lengths may be off by more than their intervals say. Fasten the pivot, let it swing "
+        f"farther, or give the length with --fix {body}.length."
     )
 
 

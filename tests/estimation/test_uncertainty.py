@@ -10,8 +10,7 @@ from monodyn.estimation.record.smooth import smooth
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.estimation.shooting.problem import posed
 from monodyn.estimation.shooting.search import Search
-from monodyn.estimation.verdict.uncertainty import NoiseFactors, _unseen_thread, knowledge_at, noise_factors
-from monodyn.mechanism import load
+from monodyn.estimation.verdict.uncertainty import NoiseFactors, knowledge_at, noise_factors
 from monodyn.stages import identify
 from swings import motion, record, scaled, sigmas
 
@@ -97,16 +96,3 @@ def test_a_row_that_depends_on_the_state_beyond_all_numbers_tells_nothing(truth,
         knowledge_at(problem, optimum.x, one, optimum.trial.pieces).covariance for one in (wild, without)
     )
     np.testing.assert_array_equal(found, wanted)
-
-
-def test_a_thread_that_the_file_does_not_have_weighs_something():
-    """As in closed form, for a ball of 2.4 g; of a steel ball nobody would notice."""
-    length, thread = 0.42, 3e-4
-    assert _unseen_thread(load("bob")) == 0.0
-    for mass in (2.4e-3, 0.1):
-        ball = load("ball").with_values({"link1.length": length})
-        density = mass / (4.0 / 3.0 * np.pi * (0.5 * ball.values["link1.width"]) ** 3)
-        ball = ball.with_values({"link1.density": density})
-        share = thread * length / mass
-        short = 1.0 - (1.0 + share / 3.0) / (1.0 + share / 2.0)
-        assert _unseen_thread(ball) == pytest.approx(short, rel=0.03)

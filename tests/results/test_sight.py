@@ -201,7 +201,7 @@ def test_a_body_that_nothing_shows_is_named(filmed: tuple[Scene, Poses]) -> None
     assert Sight(scene.masks.video, without.masks, without, poses).unshown == [last]
 
 
-def test_what_reaches_beyond_another_body_by_two_pixels_shows_nothing(filmed: tuple[Scene, Poses]) -> None:
+def test_what_may_be_the_edge_of_another_body_shows_nothing(filmed: tuple[Scene, Poses]) -> None:
     """The last body, all but hidden behind the one before it, whose edges are what is seen."""
     scene, poses = filmed
     *_, first, last = dict.fromkeys(scene.mechanism.shapes.body)
@@ -223,6 +223,10 @@ def test_what_reaches_beyond_another_body_by_two_pixels_shows_nothing(filmed: tu
     wide: Any = replace(scene, mechanism=scene.mechanism.with_values(speck), masks=Wide())
     folded = replace(poses, position=poses.position * [1.0, 0.0] + [0.0, np.pi])
     assert last in Sight(scene.masks.video, wide.masks, wide, folded).unshown
+    # a bead on a rod is seen, by 2 px to either side
+    bead = {f"{first}.width": 4.0 * px, f"{last}.width": 8.0 * px, f"{last}.length": 8.0 * px}
+    beaded: Any = replace(wide, mechanism=scene.mechanism.with_values(bead))
+    assert last not in Sight(scene.masks.video, beaded.masks, beaded, folded).unshown
 
 
 def test_frames_that_were_not_tracked_are_judged_where_they_were_located(filmed: tuple[Scene, Poses]) -> None:

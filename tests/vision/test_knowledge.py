@@ -123,8 +123,18 @@ def test_what_holds_a_ball_is_a_thread_or_a_rod() -> None:
 def test_a_hinge_is_known_no_better_than_it_holds_still() -> None:
     """Give way by 2 px in step with a swing of 0.2 rad, and the point about which it turns moves by 10 px."""
     swings = np.column_stack([[-0.2, 0.2] * 4, np.zeros(8)])
-    bundle: Any = SimpleNamespace(mechanism=load("double"), camera=CAMERA, positions=swings, sway_px=2.0)
+    names = ["link1.length", "cart.length"]
+    bundle: Any = SimpleNamespace(
+        mechanism=load("double"), camera=CAMERA, positions=swings, sway_px=2.0,
+        variables=SimpleNamespace(names=names),
+    )  # fmt: skip
     assert hinge_px(bundle) == pytest.approx(10.0, rel=0.01)
+    # what hardly turns shows no hinge, and what is given is known
+    bundle.positions = 0.1 * swings
+    assert hinge_px(bundle) == 0.0
+    bundle.positions, bundle.variables = swings, SimpleNamespace(names=[])
+    assert hinge_px(bundle) == 0.0
+    bundle.variables = SimpleNamespace(names=names)
     # a rail is no pivot, and of a thread the length is not known so well anyway
     for other in ("cartpole", "ball"):
         bundle.mechanism = load(other)

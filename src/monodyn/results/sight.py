@@ -59,8 +59,8 @@ REACH_PX, SPACING_PX = 4.0, 3.0
 LEAST_ALONE, LEAST_SHOWN = 0.02, 0.25
 """Share of a body's outline that the picture has to show by itself, and share of that which has to stand out
 from the background, below which the picture does not show the body."""
-BORDER = np.ones((5, 5), np.uint8)
-"""What is so near to another body, by 2 px, may be that one's edge."""
+EDGE = np.ones((3, 3), np.uint8)
+"""What is so near to another body, by a pixel, may be its edge."""
 CLEAR = 0.9
 """Trust from which on a colour stands out so clearly that nothing of it is overlooked: of outlines that lie
 right, bars like the wall behind them showed bare wall at up to 0.8."""
@@ -385,11 +385,8 @@ def _alone(scene: Scene, planes: np.ndarray, view: View, position: np.ndarray) -
     areas = [sum(cv2.contourArea(one.astype(np.float32)) for one in own) for own in polygons]
     drawn = [_drawn(own, whole) for own in polygons]
     every = np.sum(drawn, axis=0, dtype=np.int32)
-    others = [(every > own).astype(np.uint8) for own in drawn]
-    alone = [
-        known & (own > FULL // 2) & ~cv2.dilate(other, BORDER).astype(bool)
-        for own, other in zip(drawn, others, strict=True)
-    ]
+    others = [cv2.dilate((every - own > FULL // 2).astype(np.uint8), EDGE) for own in drawn]
+    alone = [known & (own > FULL // 2) & (other == 0) for own, other in zip(drawn, others, strict=True)]
     shown = [np.minimum(covered[own], FULL).sum() / FULL for own in alone]
     return np.column_stack((areas, [own.sum() for own in alone], shown))
 

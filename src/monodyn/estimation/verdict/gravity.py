@@ -17,10 +17,14 @@ from monodyn.estimation.verdict.refine import Refined
 from monodyn.estimation.verdict.shares import Share, added
 from monodyn.estimation.verdict.uncertainty import Knowledge, knowledge_at
 from monodyn.mechanism import Mechanism
+from monodyn.mechanism.tree import COM_X, COM_Y, HINGE, MASS
 
 GRAVITY_STD = 1.5e-3
 """Standard deviation of gravity where it is taken from a file, as a share of it: it is 9.780 to 9.832 m/s^2
 at sea level, less on mountains, and the air carries a part in a thousand of what is light."""
+STRING = 3e-4
+"""Standard deviation of the mass of a thread that the file does not have: cotton has 0.03 g a metre, a string
+of 1 mm 0.6 g [kg/m]."""
 REFINED = 3
 """How often what follows from a further unknown is corrected by what it leaves."""
 DENSITY_STD = float(np.log(1.6))
@@ -32,13 +36,16 @@ def gravity_share(found: Refined, fit: Fit) -> Share:
 
     Gravity is taken for a further unknown about the file's value. Lengths follow from it, and masses and
     forces with them; where a length or a slide tells lengths as well, the motion knows gravity better than
-    that, and it adds less.
+    that, and it adds less. A thread that the file does not have acts like more gravity.
 
     Args:
         found: The optimum, and what is known there.
         fit: Its parameters and combinations, with the deviations that follow from what is known there.
     """
-    return _share(found, fit, "gravity", GRAVITY_STD) if _taken(found.problem.mechanism) else Share({}, {})
+    mechanism = found.problem.mechanism_at(found.optimum.x)
+    std = np.hypot(GRAVITY_STD * _taken(mechanism), _thread_share(mechanism))
+    held = std > 0.0 and not mechanism.parameter("gravity").free
+    return _share(found, fit, "gravity", float(std)) if held else Share({}, {})
 
 
 def density_shares(found: Refined, fit: Fit) -> list[Share]:
@@ -121,6 +128,17 @@ def _with_its_share(found: Refined, larger: Problem, moved: Optimum, name: str, 
         deviations,
         known.full,
     )
+
+
+def _thread_share(mechanism: Mechanism) -> float:
+    """Return by what share the thread of a ball that is alone in the file speeds up its swing like gravity.
+
+    On a thread of mass m a ball of mass M swings like a point of mass at L (1 + m / 3M) / (1 + m / 2M).
+    """
+    radius, (mass, x, y) = mechanism.shapes.radius, mechanism.tree.links[0, [MASS, COM_X, COM_Y]]
+    away, hangs = float(np.hypot(x, y)), mechanism.tree.kind[0] == HINGE and mechanism.torque != "free"
+    balls = len(radius) > 0 and bool(np.all(np.diff(mechanism.shapes.first) == 1)) and away > radius.max()
+    return STRING * away / (6.0 * float(mass)) if balls and hangs and len(mechanism.joints) == 1 else 0.0
 
 
 def _taken(mechanism: Mechanism) -> bool:

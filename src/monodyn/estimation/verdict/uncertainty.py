@@ -17,8 +17,6 @@ from monodyn.estimation.shooting.common import whitened_shifts
 from monodyn.estimation.shooting.problem import Problem
 from monodyn.estimation.shooting.unknowns import CENTRE_KINDS, Unknowns
 from monodyn.estimation.verdict.stamps import stamp_error
-from monodyn.mechanism import Mechanism
-from monodyn.mechanism.tree import COM_X, HINGE, MASS
 
 SLOW = 1.5
 """Root of what autocorrelation costs, above which residuals count as changing slowly."""
@@ -30,9 +28,6 @@ ROUNDING = 1e-13
 """Share of a number that is lost at most where it is the difference of two that are about the same."""
 HALVINGS = 40
 """Steps of the bisection for a factor of the noise."""
-THREAD = 3e-4
-"""Standard deviation of what a thread weighs that the file does not have: cotton has 0.03 g a metre, a string
-of 1 mm 0.6 [kg/m]."""
 LOADED = 1e-3
 """A parameter that moves by less than this share along an unfixed direction is not touched by it."""
 
@@ -114,21 +109,7 @@ def knowledge_at(problem: Problem, x: np.ndarray, jacobian: np.ndarray, pieces: 
     moved = covariance @ np.sum(pulls, axis=0)
     full = _with_states(covariance, moved, local)
     covariance = covariance + moved @ moved.T
-    hung = _unseen_thread(problem.mechanism_at(x)) * (problem.prior.weights > 0)
-    covariance += np.outer(hung, hung)
     return _known(problem.unknowns, x, covariance, blind, full)
-
-
-def _unseen_thread(mechanism: Mechanism) -> float:
-    """Return by what share the thread of a ball that the file has alone makes its sizes seem too short.
-
-    On one of mass m a ball of mass M swings like a point of mass on L (1 + m / 3M) / (1 + m / 2M).
-    """
-    shapes, (mass, length) = mechanism.shapes, mechanism.tree.links[0, [MASS, COM_X]]
-    balls = np.all(np.diff(shapes.first) == 1) and length > shapes.radius.max(initial=0.0)
-    if len(mechanism.joints) > 1 or mechanism.tree.kind[0] != HINGE or not balls:
-        return 0.0
-    return float(THREAD * length / (6.0 * mass))
 
 
 def covariance_of(unknowns: Unknowns, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.ends import with_ends
 from monodyn.types import Camera, Poses
-from monodyn.vision.drawing.camera import around_origin, from_origin, value_of, with_values
+from monodyn.vision.drawing.camera import CAMERA_STD, around_origin, from_origin, value_of, with_values
 from monodyn.vision.drawing.outline import covered_pixels
 from monodyn.vision.drawing.rig import rig_of
 from monodyn.vision.drawing.shutter import SLOW_PX, Shutter, way
@@ -81,7 +81,10 @@ def find_again(sought: locate.Sought, scene: Scene, tracked: Poses, *, looks: bo
     )
     planes = [frames.frames[i].planes for i in kept]
     whole = KeyMasks(planes, frames.view, shutter=followed.shutter.only(kept))
-    bundle = replace(bundle, alternatives=() if scene.doubt is None else scene.doubt.bundle.alternatives)
+    before = () if scene.doubt is None else scene.doubt.bundle.alternatives
+    # turns that are looked for anew are doubted anew
+    before = [way for way in before if turned or not CAMERA_STD.keys() & way.keys()]
+    bundle = replace(bundle, alternatives=tuple(before))
     looking = (
         locate.camera_looks(sought, whole, bundle) if looks else Looking(bundle, bundle.variables, bundle)
     )

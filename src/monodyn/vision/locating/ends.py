@@ -18,7 +18,7 @@ from monodyn.mechanism.ends import plain_bodies, with_ends
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.locating.arrange import freed
 from monodyn.vision.locating.bundle import SETTLE, Bundle, KeyMasks, refine, spread
-from monodyn.vision.locating.oblique import CLEAR, DECISIVE, fall, remaining
+from monodyn.vision.locating.oblique import CLEAR, DECISIVE, explicable, fall
 from monodyn.vision.locating.search import SceneGuess
 from monodyn.vision.locating.sought import Sought, refined_names, whole_variables
 from monodyn.vision.locating.unit import drawn, growth, scaled
@@ -104,7 +104,7 @@ def seen_ends(
             # the other ends have overhangs, which are nothing that speaks for them
             reaching = file | {body: share if bodies[body] else 0.0 for body, share in shares.items()}
             gain -= max(fall(refined(best, reaching), first), 0.0)
-        clear = max(CLEAR**2, DECISIVE * remaining(first, first.samples))
+        clear = max(CLEAR**2, DECISIVE * explicable(first, second))
         best, ends = (second, ends | other) if gain > clear else (first, file)
         if -(CLEAR**2) < gain < clear and len(some) == 1:
             alternatives.append(spread(first, second))

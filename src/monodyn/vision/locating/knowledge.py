@@ -27,6 +27,8 @@ BENDS = 0.006
 """Standard deviation of what a lens bends in the picture's corner, as a share of the distance from the
 middle: makers correct to a per cent, and it may be anywhere within. It is less elsewhere, with the square of
 the distance."""
+TURNS = 0.05
+"""Standard deviation of the turns of a body from which they show where its hinge is [rad]."""
 LOADED = 0.02
 """Share of a direction that is not seen from which on a place is part of it."""
 
@@ -79,12 +81,12 @@ def hinge_px(bundle: Bundle) -> float:
     step the mechanism sways.
 
     Args:
-        bundle: A refined bundle; 0 where its root slides, or hangs by a thread or out of the picture.
+        bundle: A refined bundle; 0 where the first length is given or a thread's, the root slides or hangs
+            outside of the picture, or it hardly turns, which shows no hinge at all.
     """
-    mechanism = bundle.mechanism
-    if root_slides(mechanism) or f"{mechanism.bodies[0]}.length" in pendant_lengths(mechanism, bundle.camera):
-        return 0.0
-    return bundle.sway_px / max(float(np.std(np.exp(1j * bundle.positions[:, 0]))), 1e-9)
+    length, turns = f"{bundle.mechanism.bodies[0]}.length", float(np.std(np.exp(1j * bundle.positions[:, 0])))
+    known = length not in bundle.variables.names or length in pendant_lengths(bundle.mechanism, bundle.camera)
+    return 0.0 if known or root_slides(bundle.mechanism) or turns < TURNS else bundle.sway_px / turns
 
 
 def hidden_places(bundle: Bundle, *, scale_free: bool) -> list[str]:

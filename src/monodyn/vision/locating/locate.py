@@ -116,8 +116,10 @@ def find_scene(sought: Sought) -> Scene:
     bundle, rows = refined_whole(frames, better, variables, search, settings.refine_frames)
     if departed:
         bundle, _ = with_departed(_whole(frames, rows), bundle, variables, FINE)
-        camera = camera_looks(sought, _whole(frames, rows), replace(bundle, alternatives=ended.alternatives))
-    bundle = replace(camera.bundle if departed else bundle, alternatives=camera.bundle.alternatives)
+    bundle = replace(bundle, alternatives=camera.bundle.alternatives)
+    if departed:
+        camera = camera_looks(sought, _whole(frames, rows), bundle)
+        bundle = camera.bundle
     sought.step(STEPS)
     return found_scene(sought, masks, frames.only(rows), bundle, camera)
 

@@ -166,9 +166,9 @@ def looking(
         found, twin = from_other_sides(masks, bundle, found, search)
         if wanted or _believed(found, bundle, names):
             square = replace(bundle, variables=every)
-            nearly = fall(found, bundle) < DECISIVE * remaining(bundle, bundle.samples) and not wanted
-            also = (spread(found, square),) if nearly else ()
-            found = replace(found, alternatives=(*bundle.alternatives, *also))
+            decided = fall(found, bundle) > DECISIVE * explicable(bundle, found)
+            ways = () if decided else (spread(found, square),)
+            found = replace(found, alternatives=(*bundle.alternatives, *ways))
             return Looking(found, every, found, twin)
     return Looking(bundle, bundle.variables, found)
 
@@ -277,6 +277,17 @@ def fall(found: Bundle, before: Bundle) -> float:
         before: Another one of the same key frames, whose number of samples counts.
     """
     return remaining(before, before.samples) - remaining(found, before.samples)
+
+
+def explicable(bundle: Bundle, other: Bundle) -> float:
+    """Return the squared residuals of a refinement but for samples without an edge, which hide, in another.
+
+    Args:
+        bundle: The refinement.
+        other: The other one, of the same key frames.
+    """
+    met = replace(other, rms_px=np.zeros(len(other.rms_px)))
+    return remaining(bundle, bundle.samples) - remaining(met, bundle.samples)
 
 
 def remaining(bundle: Bundle, samples: np.ndarray) -> float:
