@@ -23,7 +23,7 @@ import numpy as np
 from monodyn.types import Frame
 from monodyn.vision.clip.video import Decode, Video
 
-MOST_BYTES = 400_000_000
+MOST_BYTES = 1_600_000_000
 """Most room that the pictures of a clip may take: those of longer ones are decoded in every pass."""
 MOST_OF_ROOM = 0.25
 """Share of what is free in the folder for temporary files that they may take."""

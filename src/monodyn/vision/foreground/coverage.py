@@ -153,8 +153,47 @@ def _closed(coverage: np.ndarray, by: int) -> np.ndarray:
     import cv2
 
     size = 2 * by + 1
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    return cv2.morphologyEx(coverage, cv2.MORPH_CLOSE, kernel)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    # from its middle row down: how far each reaches to either side
+    reaches = disc[by:].sum(axis=1, dtype=np.int64) // 2
+    row = np.empty(coverage.shape[1], np.uint8)
+    wider, narrower = np.zeros_like(coverage), np.zeros_like(coverage)
+    _spread(coverage, reaches, row, wider)
+    # the dark spreads as the bright does
+    _spread(np.subtract(255, wider, out=wider), reaches, row, narrower)
+    return np.subtract(255, narrower, out=narrower)
+
+
+@njit(cache=True, nogil=True, **UNCOUNTED)
+def _spread(plane: np.ndarray, reaches: np.ndarray, row: np.ndarray, out: np.ndarray) -> None:
+    """Raise each pixel of ``out``, uint8 (height, width), to the most within a disc around it in a plane.
+
+    The disc is symmetric, its rows reach no farther away from the middle one: ``reaches``, (row,). Each row of
+    the plane is widened in ``row``, (width,), step by step. That is several times as fast as OpenCV, which
+    goes over all pixels of the disc.
+    """
+    height, width = plane.shape
+    for y in range(height):
+        shown, reach = plane[y], 0
+        for x in range(width):
+            row[x] = shown[x]
+        for away in range(reaches.shape[0] - 1, -1, -1):
+            while reach < min(reaches[away], width - 1):
+                reach += 1
+                _raise(row[: width - reach], shown[reach:])
+                _raise(row[reach:], shown[: width - reach])
+            if y >= away:
+                _raise(out[y - away], row)
+            if y + away < height:
+                _raise(out[y + away], row)
+
+
+@njit(cache=True, **INLINED)
+def _raise(out: np.ndarray, row: np.ndarray) -> None:
+    """Raise the values of a row, uint8 (width,), to those of another one."""
+    for x in range(out.shape[0]):
+        least, value = out[x], row[x]
+        out[x] = least if least > value else value
 
 
 def _any_difference(
