@@ -91,9 +91,8 @@ class Search:
             ending, islice(tried, first, None), cost=residual_size, good=self.explained, same=_same
         )
         if not best.complete and not give_up:
-            # Where every start was given up the best of them goes all the way after all; no valley is near
-            # that exact steps would lead to.
-            best = shoot.carried_on(self.problem, best.trial, self.route, self.report)
+            # where every start was given up the best of them goes all the way after all
+            best = self.from_start(best.x)
         return replace(best, twins=self._twins(best, endings)), first + count
 
     def _twins(self, best: shoot.Optimum, endings: Sequence[shoot.Optimum]) -> tuple[np.ndarray, ...]:

@@ -162,19 +162,7 @@ def multiple_shooting(
     """
     trial = problem.started(x, cut(problem.data, route.piece), smoothed)
     # the way to the right valley leads far from where the steps of a rough integration were chosen
-    return carried_on(problem, trial, replace(route, share=0.0), progress, hopeless, patient=patient)
-
-
-def carried_on(
-    problem: Problem,
-    trial: Trial,
-    route: Route,
-    progress: Callable[[Optimum], None] | None = None,
-    hopeless: Callable[[Optimum], bool] | None = None,
-    *,
-    patient: bool = True,
-) -> Optimum:
-    """Do the work of ``multiple_shooting`` from the pieces of a trial on."""
+    route = replace(route, share=0.0)
     evaluations = 0
     while True:
         stage = fit_pieces(problem, trial, route, ROUGH)
