@@ -62,7 +62,7 @@ def coverage_of(
     else:
         # a picture is large and the mechanism small: to write zeros over all of it costs more than the rest
         planes, window = np.empty(shape, dtype=np.uint8), wanted.window
-        if not _contains(inside, window):
+        if _common(inside, window) != window:
             planes[:, window.top : window.bottom, window.left : window.right] = 0
         by = _around(palette, shape[1:])
         wider = Window(window.top - by, window.bottom + by, window.left - by, window.right + by)
@@ -114,16 +114,6 @@ def _cover(
         planes[:, high, wide][:, background.others[high, wide]] = 0
 
 
-def _contains(window: Window, other: Window) -> bool:
-    """Return whether one window contains another."""
-    return (
-        window.top <= other.top
-        and window.bottom >= other.bottom
-        and window.left <= other.left
-        and window.right >= other.right
-    )
-
-
 def _common(one: Window, other: Window) -> Window:
     """Return what two windows have in common; without rows or columns where that is nothing."""
     return Window(
@@ -152,48 +142,40 @@ def _closed(coverage: np.ndarray, by: int) -> np.ndarray:
     either side by so much [px]."""
     import cv2
 
-    size = 2 * by + 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * by + 1, 2 * by + 1))
     # from its middle row down: how far each reaches to either side
     reaches = disc[by:].sum(axis=1, dtype=np.int64) // 2
-    row = np.empty(coverage.shape[1], np.uint8)
-    wider, narrower = np.zeros_like(coverage), np.zeros_like(coverage)
-    _spread(coverage, reaches, row, wider)
-    # the dark spreads as the bright does
-    _spread(np.subtract(255, wider, out=wider), reaches, row, narrower)
-    return np.subtract(255, narrower, out=narrower)
+    return 255 - _spread(255 - _spread(coverage, reaches), reaches)
 
 
-@njit(cache=True, nogil=True, **UNCOUNTED)
-def _spread(plane: np.ndarray, reaches: np.ndarray, row: np.ndarray, out: np.ndarray) -> None:
-    """Raise each pixel of ``out``, uint8 (height, width), to the most within a disc around it in a plane.
+@njit(cache=True, nogil=True)
+def _spread(plane: np.ndarray, reaches: np.ndarray) -> np.ndarray:
+    """Return the most that a plane, uint8 (height, width), has within a disc around each pixel.
 
-    The disc is symmetric, its rows reach no farther away from the middle one: ``reaches``, (row,). Each row of
-    the plane is widened in ``row``, (width,), step by step. That is several times as fast as OpenCV, which
-    goes over all pixels of the disc.
+    The disc is symmetric, and its rows reach the less far, ``reaches`` (row,), the farther they are from the
+    middle one. So each row of the plane is widened step by step, which of a disc of 17 px takes a third of the
+    time that OpenCV needs for all of its pixels.
     """
-    height, width = plane.shape
+    (height, width), out, row = plane.shape, np.zeros_like(plane), np.empty(plane.shape[1], np.uint8)
     for y in range(height):
-        shown, reach = plane[y], 0
-        for x in range(width):
-            row[x] = shown[x]
-        for away in range(reaches.shape[0] - 1, -1, -1):
+        row[:] = plane[y]
+        reach = 0
+        for away in range(len(reaches) - 1, -1, -1):
             while reach < min(reaches[away], width - 1):
                 reach += 1
-                _raise(row[: width - reach], shown[reach:])
-                _raise(row[reach:], shown[: width - reach])
-            if y >= away:
-                _raise(out[y - away], row)
-            if y + away < height:
-                _raise(out[y + away], row)
+                _raise(row[: width - reach], plane[y, reach:])
+                _raise(row[reach:], plane[y, : width - reach])
+            for at in (y - away, y + away):
+                if 0 <= at < height:
+                    _raise(out[at], row)
+    return out
 
 
 @njit(cache=True, **INLINED)
 def _raise(out: np.ndarray, row: np.ndarray) -> None:
     """Raise the values of a row, uint8 (width,), to those of another one."""
-    for x in range(out.shape[0]):
-        least, value = out[x], row[x]
-        out[x] = least if least > value else value
+    for x in range(len(out)):
+        out[x] = max(out[x], row[x])
 
 
 def _any_difference(
