@@ -153,7 +153,7 @@ def _spread(plane: np.ndarray, reaches: np.ndarray) -> np.ndarray:
     """Return the most that a plane, uint8 (height, width), has within a disc around each pixel.
 
     The disc is symmetric, and its rows reach the less far, ``reaches`` (row,), the farther they are from the
-    middle one. So each row of the plane is widened step by step, which of a disc of 17 px takes a third of the
+    middle one. So each row of the plane is widened step by step; of a disc of 17 px that takes a third of the
     time that OpenCV needs for all of its pixels.
     """
     (height, width), out, row = plane.shape, np.zeros_like(plane), np.empty(plane.shape[1], np.uint8)
@@ -179,12 +179,7 @@ def _raise(out: np.ndarray, row: np.ndarray) -> None:
 
 
 def _any_difference(
-    frame: Frame,
-    background: Background,
-    palette: Palette,
-    window: Window,
-    rows: np.ndarray,
-    out: np.ndarray,
+    frame: Frame, background: Background, palette: Palette, window: Window, rows: np.ndarray, out: np.ndarray
 ) -> None:
     """Fill stretches of ``out``, uint8 (height, width), as far as they lie in a window, with coverage from
     the size of the difference alone, beyond the noise."""
@@ -209,12 +204,10 @@ def _chroma_part(
     # the projection is linear, so it may be taken at the chroma's own size and enlarged afterwards
     way = enlarged(window, shape, chroma[0].shape)
     part = way.part
-    small = np.empty(
-        (len(colours), part[0].stop - part[0].start, part[1].stop - part[1].start), dtype=np.float32
-    )
     dimmed = NOTHING if palette.dimmed is None else palette.dimmed[1][:, *part].copy()
     blue, red = (plane[part].copy() for plane in chroma)
     blue_behind, red_behind = (plane[part].copy() for plane in behind)
+    small = np.empty((len(colours), *blue.shape), dtype=np.float32)
     _project_chroma(blue, red, blue_behind, red_behind, colours, dimmed, small)
     return np.stack([way.cut(plane) for plane in small])
 
