@@ -203,10 +203,9 @@ def _chroma_part(
     behind, colours, shape = background.chroma, palette.colours.astype(np.float32), background.luma.shape
     # the projection is linear, so it may be taken at the chroma's own size and enlarged afterwards
     way = enlarged(window, shape, chroma[0].shape)
-    part = way.part
-    dimmed = NOTHING if palette.dimmed is None else palette.dimmed[1][:, *part].copy()
-    blue, red = (plane[part].copy() for plane in chroma)
-    blue_behind, red_behind = (plane[part].copy() for plane in behind)
+    dimmed = NOTHING if palette.dimmed is None else palette.dimmed[1][:, *way.part].copy()
+    blue, red = (plane[way.part].copy() for plane in chroma)
+    blue_behind, red_behind = (plane[way.part].copy() for plane in behind)
     small = np.empty((len(colours), *blue.shape), dtype=np.float32)
     _project_chroma(blue, red, blue_behind, red_behind, colours, dimmed, small)
     return np.stack([way.cut(plane) for plane in small])
