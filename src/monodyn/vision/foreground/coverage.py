@@ -206,7 +206,7 @@ def _chroma_part(
     dimmed = NOTHING if palette.dimmed is None else palette.dimmed[1][:, *way.part].copy()
     blue, red = (plane[way.part].copy() for plane in chroma)
     blue_behind, red_behind = (plane[way.part].copy() for plane in behind)
-    small = np.empty((len(colours), *blue.shape), dtype=np.float32)
+    small = np.empty((len(colours), blue.shape[0], blue.shape[1]), dtype=np.float32)
     _project_chroma(blue, red, blue_behind, red_behind, colours, dimmed, small)
     return np.stack([way.cut(plane) for plane in small])
 
