@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monodyn.errors import VideoError
 from monodyn.estimation.fit import Fit
 from monodyn.estimation.settings import IdentifySettings
 from monodyn.mechanism.turning import TURN, Gap, doubtful_gaps
@@ -60,10 +59,9 @@ def with_right_turns(
     if not gaps:
         return poses, []
     parts = _stretches(poses, gaps, fitted)
-    try:
-        fit = identify([poses[slice(*part)] for part in parts], mechanism, settings, progress=progress)
-    except VideoError:
-        fit = None  # no stretch is long enough
+    # no stretch may be long enough
+    records = [poses[slice(*part)] for part in parts]
+    fit = identify(records, mechanism, settings, progress=progress) if records else None
     offset, unsure = np.zeros(poses.position.shape), []
     for gap in gaps:
         found = None if fit is None or not fit.ok else _turns_across(gap, poses, parts, fit)
@@ -112,5 +110,4 @@ def _stretches(poses: Poses, gaps: Sequence[Gap], fitted: tuple[int, int]) -> li
         if not any(low <= a and b <= high for low, high in inside)
         and poses.measured[a:b].sum(axis=0).min() >= LEAST_ROWS
     ]
-    longest = sorted(parts, key=lambda part: part[0] - part[1])[:MOST_STRETCHES]
-    return sorted(longest)
+    return sorted(sorted(parts, key=lambda part: part[0] - part[1])[:MOST_STRETCHES])

@@ -118,3 +118,19 @@ def test_optima_that_the_data_cannot_tell_apart_are_listed(monkeypatch):
     # one optimum that two starts lead to is no twin of its own
     monkeypatch.setattr(search, "starts", lambda *args: iter([near(0.06), near(0.045)]))
     assert looked.from_starts()[0].twins == ()
+
+
+@pytest.mark.slow
+def test_what_short_pieces_do_not_follow_is_integrated_as_exactly_as_it_is_followed(truth, double):
+    """Driven as no double pendulum swings: 1e-5 rad where radians are missed cost several times the steps."""
+    times = np.arange(40) / 30.0
+    poses = record(truth, times, np.column_stack([2.0 * np.sin(9.0 * times), 2.5 * np.sin(14.0 * times)]))
+    problem = posed(double, prepare([poses], double))
+    searched = search.Search(problem, (smooth(poses),), IdentifySettings(starts=1), None)
+    given_up, _ = searched.from_starts(give_up=True)
+    assert not given_up.complete
+    exact, (found, _) = searched.from_start(given_up.x), searched.from_starts()
+    assert found.complete
+    assert not searched.explained(found)
+    # of fourth order 1e4 times the error takes a tenth of the steps, which come in powers of two
+    assert 4 * found.trial.substeps <= exact.trial.substeps

@@ -10,7 +10,7 @@ import pytest
 
 from monodyn.types import FULL, Frame
 from monodyn.vision.foreground.background import Background, background_of
-from monodyn.vision.foreground.coverage import coverage_of
+from monodyn.vision.foreground.coverage import _closed, coverage_of
 from monodyn.vision.foreground.masks import GeomColours, Wanted
 from monodyn.vision.foreground.palette import BLACK, Palette, measured_palette
 from monodyn.vision.foreground.shadow import Shadow
@@ -208,3 +208,13 @@ def test_a_part_has_the_shadows_of_the_whole(more: int, grey: bool) -> None:
         without = coverage_of(frame, background, replace(palette, shadow=None))
         changed += int(np.count_nonzero(without != whole))
     assert changed > 500
+
+
+@pytest.mark.parametrize("shape", [(97, 120), (3, 50), (50, 3), (60, 1), (1, 1)])
+def test_gaps_are_closed_as_by_all_pixels_of_the_disc(shape: tuple[int, int]) -> None:
+    """Against OpenCV, for the discs of pictures of up to 4,875 px, which reach beyond the smallest planes."""
+    random = np.random.default_rng(1)
+    for by in range(20):
+        plane = (random.integers(0, 256, shape) * (random.random(shape) < 0.3)).astype(np.uint8)
+        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * by + 1, 2 * by + 1))
+        np.testing.assert_array_equal(_closed(plane, by), cv2.morphologyEx(plane, cv2.MORPH_CLOSE, disc))

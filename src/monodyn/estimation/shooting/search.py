@@ -91,8 +91,9 @@ class Search:
             ending, islice(tried, first, None), cost=residual_size, good=self.explained, same=_same
         )
         if not best.complete and not give_up:
-            # where every start was given up the best of them goes all the way after all
-            best = self.from_start(best.x)
+            # where every start was given up the best of them goes all the way after all, as exactly as it
+            # follows the record: no valley is near
+            best = self._shot(best.x, self.route, give_up=False, patient=False, share=NEGLIGIBLE)
         return replace(best, twins=self._twins(best, endings)), first + count
 
     def _twins(self, best: shoot.Optimum, endings: Sequence[shoot.Optimum]) -> tuple[np.ndarray, ...]:
@@ -121,11 +122,13 @@ class Search:
         """
         return self._shot(x, self.route, give_up=give_up, patient=False)
 
-    def _shot(self, x: np.ndarray, route: shoot.Route, *, give_up: bool, patient: bool) -> shoot.Optimum:
+    def _shot(
+        self, x: np.ndarray, route: shoot.Route, *, give_up: bool, patient: bool, share: float = 0.0
+    ) -> shoot.Optimum:
         """Search from one start; where it may be given up, after the first stage or, impatiently, any."""
         hopeless = self.hopeless if give_up else None
         return shoot.multiple_shooting(
-            self.problem, x, self._smoothed, route, self.report, hopeless, patient=patient
+            self.problem, x, self._smoothed, route, self.report, hopeless, patient=patient, share=share
         )
 
     def explained(self, optimum: shoot.Optimum) -> bool:

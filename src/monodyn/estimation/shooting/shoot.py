@@ -140,6 +140,7 @@ def multiple_shooting(
     hopeless: Callable[[Optimum], bool] | None = None,
     *,
     patient: bool = True,
+    share: float = 0.0,
 ) -> Optimum:
     """Fit pieces of the records, then longer ones, until one rollout goes through each record.
 
@@ -151,6 +152,8 @@ def multiple_shooting(
         progress: Called with the result of each stage.
         hopeless: Called with the result of the first stage; when it returns True the route ends there.
         patient: Do not ask again after the stages between the first and the last.
+        share: In place of the route's: the way to the right valley leads far from where the steps of a rough
+            integration were chosen.
 
     Returns:
         The fit of one piece a record, or of the pieces that are hopeless; its ``cost`` is infinite where a
@@ -161,9 +164,7 @@ def multiple_shooting(
         1983 (multiple shooting); here the pieces are joined by fitting longer ones, not by constraints.
     """
     trial = problem.started(x, cut(problem.data, route.piece), smoothed)
-    # the way to the right valley leads far from where the steps of a rough integration were chosen
-    route = replace(route, share=0.0)
-    evaluations = 0
+    route, evaluations = replace(route, share=share), 0
     while True:
         stage = fit_pieces(problem, trial, route, ROUGH)
         evaluations += stage.evaluations

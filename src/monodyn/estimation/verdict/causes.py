@@ -184,7 +184,7 @@ def _freedoms(mechanism: Mechanism, problem: Problem) -> list[tuple[str, list[st
     for law, names in drag_laws(mechanism).items():
         further = [name for name in names if name not in unknown]
         if further:
-            found.append((law, further, partial(_dragged, law, further)))
+            found.append((law, further, partial(dragged, law, further)))
     if ROLL not in unknown and problem.data.by_roll.any() and feels_roll(mechanism):
         found.append(
             (
@@ -286,11 +286,7 @@ def _size(records: Sequence[Poses], fit: Fit, rows: int | None = None) -> float:
     return float(np.mean(every)) if len(every) else np.inf
 
 
-def _dragged(law: str, names: Sequence[str], _: Problem, __: Optimum, times: float) -> str:
-    return dragged(law, names, times)
-
-
-def dragged(law: str, names: Sequence[str], times: float) -> str:
+def dragged(law: str, names: Sequence[str], _: Problem, __: Optimum, times: float) -> str:
     """Name a drag as what is lacking.
 
     Args:

@@ -23,8 +23,9 @@ import numpy as np
 from monodyn.types import Frame
 from monodyn.vision.clip.video import Decode, Video
 
-MOST_BYTES = 400_000_000
-"""Most room that the pictures of a clip may take: those of longer ones are decoded in every pass."""
+MOST_BYTES = 1_600_000_000
+"""Most room that the pictures of a clip may take [bytes]: 14 s of 1080x1920 at 30 a second, the usual ones of
+a phone. Longer clips are decoded in each pass, up to seven times; the results are the same with any value."""
 MOST_OF_ROOM = 0.25
 """Share of what is free in the folder for temporary files that they may take."""
 PADDED = 1.2

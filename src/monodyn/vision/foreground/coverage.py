@@ -62,7 +62,7 @@ def coverage_of(
     else:
         # a picture is large and the mechanism small: to write zeros over all of it costs more than the rest
         planes, window = np.empty(shape, dtype=np.uint8), wanted.window
-        if not _contains(inside, window):
+        if _common(inside, window) != window:
             planes[:, window.top : window.bottom, window.left : window.right] = 0
         by = _around(palette, shape[1:])
         wider = Window(window.top - by, window.bottom + by, window.left - by, window.right + by)
@@ -114,16 +114,6 @@ def _cover(
         planes[:, high, wide][:, background.others[high, wide]] = 0
 
 
-def _contains(window: Window, other: Window) -> bool:
-    """Return whether one window contains another."""
-    return (
-        window.top <= other.top
-        and window.bottom >= other.bottom
-        and window.left <= other.left
-        and window.right >= other.right
-    )
-
-
 def _common(one: Window, other: Window) -> Window:
     """Return what two windows have in common; without rows or columns where that is nothing."""
     return Window(
@@ -152,18 +142,44 @@ def _closed(coverage: np.ndarray, by: int) -> np.ndarray:
     either side by so much [px]."""
     import cv2
 
-    size = 2 * by + 1
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    return cv2.morphologyEx(coverage, cv2.MORPH_CLOSE, kernel)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * by + 1, 2 * by + 1))
+    # from its middle row down: how far each reaches to either side
+    reaches = disc[by:].sum(axis=1, dtype=np.int64) // 2
+    return 255 - _spread(255 - _spread(coverage, reaches), reaches)
+
+
+@njit(cache=True, nogil=True)
+def _spread(plane: np.ndarray, reaches: np.ndarray) -> np.ndarray:
+    """Return the most that a plane, uint8 (height, width), has within a disc around each pixel.
+
+    The disc is symmetric, and its rows reach the less far, ``reaches`` (row,), the farther they are from the
+    middle one. So each row of the plane is widened step by step; of a disc of 17 px that takes a third of the
+    time that OpenCV needs for all of its pixels.
+    """
+    (height, width), out, row = plane.shape, np.zeros_like(plane), np.empty(plane.shape[1], np.uint8)
+    for y in range(height):
+        row[:] = plane[y]
+        reach = 0
+        for away in range(len(reaches) - 1, -1, -1):
+            while reach < min(reaches[away], width - 1):
+                reach += 1
+                _raise(row[: width - reach], plane[y, reach:])
+                _raise(row[reach:], plane[y, : width - reach])
+            for at in (y - away, y + away):
+                if 0 <= at < height:
+                    _raise(out[at], row)
+    return out
+
+
+@njit(cache=True, **INLINED)
+def _raise(out: np.ndarray, row: np.ndarray) -> None:
+    """Raise the values of a row, uint8 (width,), to those of another one."""
+    for x in range(len(out)):
+        out[x] = max(out[x], row[x])
 
 
 def _any_difference(
-    frame: Frame,
-    background: Background,
-    palette: Palette,
-    window: Window,
-    rows: np.ndarray,
-    out: np.ndarray,
+    frame: Frame, background: Background, palette: Palette, window: Window, rows: np.ndarray, out: np.ndarray
 ) -> None:
     """Fill stretches of ``out``, uint8 (height, width), as far as they lie in a window, with coverage from
     the size of the difference alone, beyond the noise."""
@@ -187,13 +203,10 @@ def _chroma_part(
     behind, colours, shape = background.chroma, palette.colours.astype(np.float32), background.luma.shape
     # the projection is linear, so it may be taken at the chroma's own size and enlarged afterwards
     way = enlarged(window, shape, chroma[0].shape)
-    part = way.part
-    small = np.empty(
-        (len(colours), part[0].stop - part[0].start, part[1].stop - part[1].start), dtype=np.float32
-    )
-    dimmed = NOTHING if palette.dimmed is None else palette.dimmed[1][:, *part].copy()
-    blue, red = (plane[part].copy() for plane in chroma)
-    blue_behind, red_behind = (plane[part].copy() for plane in behind)
+    dimmed = NOTHING if palette.dimmed is None else palette.dimmed[1][:, *way.part].copy()
+    blue, red = (plane[way.part].copy() for plane in chroma)
+    blue_behind, red_behind = (plane[way.part].copy() for plane in behind)
+    small = np.empty((len(colours), blue.shape[0], blue.shape[1]), dtype=np.float32)
     _project_chroma(blue, red, blue_behind, red_behind, colours, dimmed, small)
     return np.stack([way.cut(plane) for plane in small])
 
