@@ -123,17 +123,25 @@ def find_scene(sought: Sought) -> Scene:
     return found_scene(sought, masks, frames.only(rows), bundle, camera)
 
 
-def first_guess(sought: Sought) -> SceneGuess:
-    """Find about where the mechanism is: the first step of `find_scene` alone.
+def first_scene(sought: Sought) -> tuple[SceneGuess, Scene]:
+    """Find about where the mechanism is: the first steps of `find_scene` alone.
 
     Args:
         sought: The masks, the mechanism, and what is known of the camera.
 
     Returns:
-        The mechanism before a camera, with poses in a few key frames.
+        The mechanism before a camera, with poses in a few key frames; and the scene of it, refined once in
+        the whole pictures: it can be followed there, and nothing is said of how well its sizes are known.
     """
-    frames = key_frames(sought.masks, len(sought.mechanism.shapes.radius))
-    return _searched(sought, frames, refined_names(sought))
+    geoms, names = len(sought.mechanism.shapes.radius), refined_names(sought)
+    frames = key_frames(sought.masks, geoms)
+    guess = _searched(sought, frames, names)
+    everywhere = search_poses(frames, guess.mechanism, guess.camera)
+    masks = _with_colours(sought.masks, everywhere)
+    frames = key_frames(masks, geoms)
+    variables = whole_variables(sought, everywhere, sought.start, names)
+    bundle, rows = refined_whole(frames, everywhere, variables, FINE, sought.settings.refine_frames)
+    return guess, _in_metres(sought, masks, frames.only(rows), bundle)[0]
 
 
 def _searched(sought: Sought, frames: KeyFrames, names: Sequence[str]) -> SceneGuess:
@@ -290,33 +298,44 @@ def found_scene(
     scale_free = "camera.depth" in names and all(name in names for name in sizes)
     measured = size_information(bundle, scale_free=scale_free)
     std = looks.camera_std(bundle, scale_free=scale_free)
-    order = [frame.index for frame in frames.frames]
-    first = int(np.argmin(order))
-    rms = float(np.sqrt(np.mean(bundle.rms_px**2)))
     freed = {name: value for name, value in std.items() if name in sought.free}
     share = float(np.median(left_shares(judged, shown.mechanism, shown.camera, shown.positions)))
     advice = scene_advice(bundle, freed, share, varied=masks.varied)
     advice += hidden_advice(hidden_places(bundle, scale_free=scale_free))
     advice += twin_advice(bundle.camera, looks.twin)
-    camera = bundle.camera
+    scene, metre = _in_metres(sought, masks, frames, bundle)
+    return replace(
+        scene,
+        mechanism=scene.mechanism.with_measured(measured),
+        camera_std={n: value / metre if PARAMETERS[n].unit == "m" else value for n, value in std.items()},
+        beside=beside(judged, shown),
+        advice=tuple(advice),
+        doubt=doubt_of(bundle, looks.known(bundle), looks.off(bundle), metre, scale_free=scale_free),
+        twin=looks.twin,
+    )
+
+
+def _in_metres(
+    sought: Sought, masks: Masks, frames: KeyFrames, bundle: Bundle
+) -> tuple[Scene, float]:
+    """Return the scene of a bundle over key frames in metres of the file, and how many units are one."""
+    camera, order = bundle.camera, [frame.index for frame in frames.frames]
     metre = units_per_metre(bundle.mechanism, camera, sought.mechanism, sought.fix, sought.pinned)
     mechanism = in_metres(bundle.mechanism, sought.mechanism, metre, sought.pinned)
     camera = replace(camera, x=camera.x / metre, y=camera.y / metre, depth=camera.depth / metre)
     slides = np.array([joint.kind == "slide" for joint in mechanism.joints])
     positions = np.where(slides, bundle.positions / metre, bundle.positions)
-    return Scene(
-        mechanism=mechanism.with_measured(measured),
+    scene = Scene(
+        mechanism=mechanism,
         camera=with_values(camera, dict(sought.fix)),
         masks=masks,
-        frame=order[first],
-        position=positions[first],
+        frame=min(order),
+        position=positions[int(np.argmin(order))],
         key_frames=tuple(order),
         key_positions=positions,
-        camera_std={n: value / metre if PARAMETERS[n].unit == "m" else value for n, value in std.items()},
-        rms_px=rms,
-        beside=beside(judged, shown),
-        advice=tuple(advice),
+        camera_std={},
+        rms_px=float(np.sqrt(np.mean(bundle.rms_px**2))),
+        advice=(),
         thicker=frames.thicker,
-        doubt=doubt_of(bundle, looks.known(bundle), looks.off(bundle), metre, scale_free=scale_free),
-        twin=looks.twin,
     )
+    return scene, metre
