@@ -315,9 +315,7 @@ def found_scene(
     )
 
 
-def _in_metres(
-    sought: Sought, masks: Masks, frames: KeyFrames, bundle: Bundle
-) -> tuple[Scene, float]:
+def _in_metres(sought: Sought, masks: Masks, frames: KeyFrames, bundle: Bundle) -> tuple[Scene, float]:
     """Return the scene of a bundle over key frames in metres of the file, and how many units are one."""
     camera, order = bundle.camera, [frame.index for frame in frames.frames]
     metre = units_per_metre(bundle.mechanism, camera, sought.mechanism, sought.fix, sought.pinned)
