@@ -65,26 +65,9 @@ def find_scene(sought: Sought) -> Scene:
     Returns:
         The scene.
     """
-    masks, settings, start, unit = sought.masks, sought.settings, sought.start, sought.unit
-    names = refined_names(sought)
-    sought.step(0)
-    geoms = len(start.mechanism.shapes.radius)
-    frames = key_frames(masks, geoms)
-    sought.step(1)
-    guess = sought.guess or _searched(sought, frames, names)
-    sought.step(4)
-    # What is known of the mechanism makes the masks better, twice: first their colours, measured inside of
-    # the outlines, then the background, taken where the outlines leave it free.
-    guess = search_poses(frames, guess.mechanism, guess.camera)
-    # of pictures in 4K the whole masks of two sets of key frames would fill the memory
-    del frames
-    masks = _with_colours(masks, guess)
-    sought.step(5)
-    frames = key_frames(masks, geoms)
-    sought.step(6)
-    guess = reconsidered(frames, guess, variables_of(guess, start, names), start)
-    variables = whole_variables(sought, guess, start, names)
-    bundle, rows = refined_whole(frames, guess, variables, FINE, settings.refine_frames)
+    settings, start, unit = sought.settings, sought.start, sought.unit
+    names, geoms = refined_names(sought), len(start.mechanism.shapes.radius)
+    _, masks, frames, guess, variables, bundle, rows = _first_refined(sought, names)
     bundle, more = with_departed(_whole(frames, rows), bundle, variables, FINE)
     tied = without_unseen(bundle, start.mechanism)
     # what seemed to stand elsewhere may have been an edge of the first background: it is judged anew
@@ -133,15 +116,34 @@ def first_scene(sought: Sought) -> tuple[SceneGuess, Scene]:
         The mechanism before a camera, with poses in a few key frames; and the scene of it, refined once in
         the whole pictures: it can be followed there, and nothing is said of how well its sizes are known.
     """
-    geoms, names = len(sought.mechanism.shapes.radius), refined_names(sought)
-    frames = key_frames(sought.masks, geoms)
-    guess = _searched(sought, frames, names)
-    everywhere = search_poses(frames, guess.mechanism, guess.camera)
-    masks = _with_colours(sought.masks, everywhere)
-    frames = key_frames(masks, geoms)
-    variables = whole_variables(sought, everywhere, sought.start, names)
-    bundle, rows = refined_whole(frames, everywhere, variables, FINE, sought.settings.refine_frames)
+    guess, masks, frames, _, _, bundle, rows = _first_refined(sought, refined_names(sought))
     return guess, _in_metres(sought, masks, frames.only(rows), bundle)[0]
+
+
+def _first_refined(
+    sought: Sought, names: Sequence[str]
+) -> tuple[SceneGuess, Masks, KeyFrames, SceneGuess, SceneVariables, Bundle, list[int]]:
+    """Search, and refine once in whole pictures; return what was guessed, the masks with its colours, their
+    key frames, its poses there, what was refined, and the refinement with the rows of its key frames."""
+    start, geoms = sought.start, len(sought.mechanism.shapes.radius)
+    sought.step(0)
+    frames = key_frames(sought.masks, geoms)
+    sought.step(1)
+    guess = sought.guess or _searched(sought, frames, names)
+    sought.step(4)
+    # What is known of the mechanism makes the masks better, twice: first their colours, measured inside of
+    # the outlines, then the background, taken where the outlines leave it free.
+    posed = search_poses(frames, guess.mechanism, guess.camera)
+    # of pictures in 4K the whole masks of two sets of key frames would fill the memory
+    del frames
+    masks = _with_colours(sought.masks, posed)
+    sought.step(5)
+    frames = key_frames(masks, geoms)
+    sought.step(6)
+    posed = reconsidered(frames, posed, variables_of(posed, start, names), start)
+    variables = whole_variables(sought, posed, start, names)
+    refined = refined_whole(frames, posed, variables, FINE, sought.settings.refine_frames)
+    return guess, masks, frames, posed, variables, *refined
 
 
 def _searched(sought: Sought, frames: KeyFrames, names: Sequence[str]) -> SceneGuess:
@@ -323,17 +325,11 @@ def _in_metres(sought: Sought, masks: Masks, frames: KeyFrames, bundle: Bundle) 
     camera = replace(camera, x=camera.x / metre, y=camera.y / metre, depth=camera.depth / metre)
     slides = np.array([joint.kind == "slide" for joint in mechanism.joints])
     positions = np.where(slides, bundle.positions / metre, bundle.positions)
+    camera = with_values(camera, dict(sought.fix))
+    first = int(np.argmin(order))
+    frame, place = order[first], positions[first]
+    rms = float(np.sqrt(np.mean(bundle.rms_px**2)))
     scene = Scene(
-        mechanism=mechanism,
-        camera=with_values(camera, dict(sought.fix)),
-        masks=masks,
-        frame=min(order),
-        position=positions[int(np.argmin(order))],
-        key_frames=tuple(order),
-        key_positions=positions,
-        camera_std={},
-        rms_px=float(np.sqrt(np.mean(bundle.rms_px**2))),
-        advice=(),
-        thicker=frames.thicker,
+        mechanism, camera, masks, frame, place, tuple(order), positions, {}, rms, (), frames.thicker
     )
     return scene, metre
