@@ -2,7 +2,8 @@
 
 What was watched is a clip in memory, so that the search is that of a whole run: background and colours,
 camera and sizes, poses. Its first step, which takes half of the time and needs little motion, is done while
-more is watched; what it finds is refined in all frames that have come by then.
+more is watched; what it finds is followed from then on, and refined in all frames that have come by the time
+of the search.
 """
 
 from __future__ import annotations
