@@ -13,6 +13,7 @@ from lives import double, scene
 from monodyn.errors import VideoError
 from monodyn.live import begin as begun
 from monodyn.live.begin import STILL_KEPT, Beginning, Begun, Guessed, as_clip, hardly_shown, numbered
+from monodyn.live.feed import Feed
 from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import pictures_of
 from monodyn.live.stream import Session
@@ -191,6 +192,31 @@ def test_a_guess_that_the_pictures_do_not_show_is_not_followed(monkeypatch):
     with guessing(monkeypatch, 0.1, np.array([True, False])) as session:
         steps = list(session.steps())
     assert {(step.phase, step.pose, step.scene) for step in steps} == {("watching", None, None)}
+
+
+def test_no_frame_gives_way_to_following_a_guess(monkeypatch):
+    """Where the next one has come already, what is watched for the search comes first."""
+    session = guessing(monkeypatch, 0.1, np.ones(2, bool))
+    monkeypatch.setattr(Feed, "behind", property(lambda _: True))
+    with session:
+        assert {step.phase for step in session.steps()} == {"watching"}
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_a_stream_is_behind_where_its_next_frame_has_come_already(live):
+    """What waits until it is taken never is."""
+    rng = np.random.default_rng(0)
+    source = pictures_of([noisy(k, moving=True, rng=rng) for k in range(2)], 30.0)
+    feed = Feed(replace(source, live=live, direct=False), 4)
+    try:
+        assert feed._thread is not None
+        feed._thread.join()
+        assert feed.behind is live
+        feed.next()
+        feed.next()
+        assert not feed.behind
+    finally:
+        feed.close()
 
 
 def test_a_guess_that_explains_little_says_nothing(monkeypatch):

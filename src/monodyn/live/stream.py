@@ -166,7 +166,9 @@ class Session:
         """Return what is known with one more frame."""
         frame, broken = self._clock.take(arrival.frame)
         tracker, found = self._tracker, self.found
-        pose = None if tracker is None else tracker.follow(frame, self._expected(frame.time))
+        # what is watched for the search comes first: no frame gives way to following a guess
+        waits = found is None and self._feed.behind
+        pose = None if tracker is None or waits else tracker.follow(frame, self._expected(frame.time))
         if found is None:
             self._watch(frame, broken=broken)
             # what a guess shows is worth showing where all of it lies on the picture

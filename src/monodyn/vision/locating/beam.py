@@ -7,7 +7,6 @@ round is one numba kernel.
 
 from __future__ import annotations
 
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -202,17 +201,8 @@ def _joint_values(frame: KeyFrame, rig: Rig, mechanism: Mechanism, row: int, bea
     """Return the positions to try of one joint, within its limits [rad or m]."""
     joint = mechanism.joints[row]
     if rig.kind[row] == HINGE:
-        return _angles(beam.angles, joint.lower, joint.upper)
-    return _within(slide_places(frame, rig, row, beam.places), joint.lower, joint.upper)
-
-
-@cache
-def _angles(count: int, lower: float, upper: float) -> np.ndarray:
-    """Return so many angles all around, without those beyond limits [rad], (candidate,)."""
-    return _within(np.linspace(-np.pi, np.pi, count, endpoint=False), lower, upper)
-
-
-def _within(values: np.ndarray, lower: float, upper: float) -> np.ndarray:
-    """Return the values within limits, a few between these where there are none, (candidate,)."""
-    values = values[(values >= lower) & (values <= upper)]
-    return values if len(values) else np.linspace(lower, upper, 5)
+        values = np.linspace(-np.pi, np.pi, beam.angles, endpoint=False)
+    else:
+        values = slide_places(frame, rig, row, beam.places)
+    values = values[(values >= joint.lower) & (values <= joint.upper)]
+    return values if len(values) else np.linspace(joint.lower, joint.upper, 5)
