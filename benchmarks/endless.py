@@ -49,7 +49,7 @@ class Followed:
         memory: Its resident memory then [MB], (sample,).
         peak: The most it ever was [MB].
         frames: Frames that came.
-        since: Those from the one on in which the mechanism was found.
+        since: Those from the first one on that was identified with.
         known: Those of them that were identified with, and are motion of the mechanism.
     """
 
@@ -166,7 +166,7 @@ def _watched(lines: IO[bytes], pid: int) -> Followed:
     for line in lines:
         step = json.loads(line)
         frames += 1
-        since += step["phase"] == "following"
+        since += since > 0 or step["fresh"] is not None
         known += step["fresh"] is not None and step["verdict"] != "refused"
         if step["time"] >= len(looks) * EVERY:
             looks.append((step["time"], resident(pid)))

@@ -66,6 +66,8 @@ moved by this share of its body's length, and this share of the pixels that the 
 frame has been seen without it."""
 FOUND = 3.0
 """Seconds of the stream from enough motion on within which it is followed."""
+GUESSED = "It is followed as a first guess has it."
+"""How what is said begins until the search in all that was watched has ended."""
 SETTLED = 300.0
 """Seconds of a stream after which its memory grows no more."""
 
@@ -261,7 +263,8 @@ def soon(data: Path, name: str, model: str | None) -> list[Figure]:
         model: The mechanism; None for that of its file.
 
     Returns:
-        When enough has moved, and how long after that the mechanism is followed and identified.
+        When enough has moved, and how long after that the mechanism is followed, as it was guessed first and
+        as the search has found it, and identified.
     """
     clip = _given(data, name)
     mechanism = model or str(clip.model)
@@ -278,14 +281,17 @@ def soon(data: Path, name: str, model: str | None) -> list[Figure]:
         subprocess.run([*monodyn_command(), *words, "--ndjson", str(lines)], check=False, capture_output=True)
         steps = [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines()]
     begin, never = enough_motion(data, name), float("inf")
+    following = [step for step in steps if step["phase"] == "following"]
     at = {
-        "followed": next((step["time"] for step in steps if step["phase"] == "following"), never),
+        "followed": next((step["time"] for step in following), never),
+        "searched": next((step["time"] for step in following if not step["said"].startswith(GUESSED)), never),
         "identified": next((step["time"] for step in steps if step["verdict"]), never),
     }
     case = name if model is None else f"{name}, {model}"
     return [
         Figure(case, "enough motion", begin, "s"),
         Figure(case, "followed, after that", at["followed"] - begin, "s", FOUND),
+        Figure(case, "by what the search has found", at["searched"] - begin, "s"),
         Figure(case, "identified, after that", at["identified"] - begin, "s"),
         Figure(case, "processor time taken away meanwhile", _taken_away() - before, "s"),
     ]

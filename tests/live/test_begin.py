@@ -12,7 +12,8 @@ import pytest
 from lives import double, scene
 from monodyn.errors import VideoError
 from monodyn.live import begin as begun
-from monodyn.live.begin import STILL_KEPT, Beginning, Begun, as_clip, hardly_shown, numbered
+from monodyn.live.begin import STILL_KEPT, Beginning, Begun, Guessed, as_clip, hardly_shown, numbered
+from monodyn.live.feed import Feed
 from monodyn.live.settings import LiveSettings
 from monodyn.live.sources import pictures_of
 from monodyn.live.stream import Session
@@ -71,7 +72,8 @@ def test_it_is_said_what_a_search_lacks():
     for k in range(5, 16):
         watched.add(noisy(k, moving=False, rng=rng))
     assert watched.lacks == "Nothing is seen to move. The search needs 0.1 s more of motion."
-    watched.go_on(replace(guess(0.5, 0.5), positions=np.array([[0.0, 0.0], [0.5, 0.1], [1.0, 0.1]])))
+    rocks = replace(guess(0.5, 0.5), positions=np.array([[0.0, 0.0], [0.5, 0.1], [1.0, 0.1]]))
+    watched.go_on(Guessed(rocks, SimpleNamespace()))
     assert watched.lacks == (
         "So far a first guess shows less than 10 deg of turning at joint2. Nothing is seen to move. "
         "The search needs 1.3 s more of motion."
@@ -112,11 +114,11 @@ def test_what_a_guess_has_hardly_seen_is_said():
 def test_what_is_guessed_first_is_where_the_search_begins(monkeypatch):
     """In a fifth of the motion it is guessed, in all frames so far it is looked for."""
     steps = []
-    first = guess(1.0, 1.0)
+    first, shown = guess(1.0, 1.0), SimpleNamespace(masks=None)
 
     def guessed(sought):
         steps.append(("guess", sought.masks.count))
-        return first
+        return first, shown
 
     def searched(frames, masks, mechanism, settings, given):
         steps.append((given, len(frames)))
@@ -126,7 +128,8 @@ def test_what_is_guessed_first_is_where_the_search_begins(monkeypatch):
     monkeypatch.setattr(
         begun, "segment", lambda clip, *_, **__: SimpleNamespace(video=still, count=clip.count)
     )
-    monkeypatch.setattr(begun, "first_guess", guessed)
+    monkeypatch.setattr(begun, "first_scene", guessed)
+    monkeypatch.setattr(begun, "Tracker", lambda *_: following(np.ones(2, bool)))
     monkeypatch.setattr(begun, "search", searched)
     rng = np.random.default_rng(0)
     source = pictures_of([noisy(k, moving=True, rng=rng) for k in range(60)], 30.0)
@@ -139,14 +142,90 @@ def test_what_is_guessed_first_is_where_the_search_begins(monkeypatch):
     assert most == pytest.approx(1.5 * more, abs=2.0)
 
 
-def test_a_guess_that_explains_little_says_nothing():
+def following(seen: np.ndarray) -> SimpleNamespace:
+    """A tracker to which frames show these joints, bool (dof,)."""
+    covariance = np.where(seen.all(), np.eye(2), np.nan)[None]
+
+    def follow(frame: Frame, expected: np.ndarray | None) -> Poses:
+        return Poses(
+            ("joint1", "joint2"), np.array([frame.index]), np.array([frame.time]),
+            np.where(seen, 0.5, np.nan)[None], covariance, np.array([seen.all()]), joint_seen=seen[None],
+        )  # fmt: skip
+
+    return SimpleNamespace(follow=follow, scene="guessed")
+
+
+def guessing(monkeypatch, mismatch: float, seen: np.ndarray) -> Session:
+    """A stream of 60 frames whose guess leaves so much unexplained, and whose search is in vain."""
+    still = SimpleNamespace(camera_path=None)
+    first = replace(guess(1.0, 1.0), mismatch=np.full(5, mismatch))
+    monkeypatch.setattr(begun, "segment", lambda *_, **__: SimpleNamespace(video=still))
+    monkeypatch.setattr(begun, "first_scene", lambda _: (first, SimpleNamespace(masks=None)))
+    monkeypatch.setattr(begun, "Tracker", lambda *_: following(seen))
+
+    def searched(*_):
+        raise VideoError("Nothing is there.")
+
+    monkeypatch.setattr(begun, "search", searched)
+    rng = np.random.default_rng(0)
+    source = pictures_of([noisy(k, moving=True, rng=rng) for k in range(60)], 30.0)
+    return Session(source, load("double"), LiveSettings(begin=1.5), RunSettings())
+
+
+def test_what_is_guessed_is_followed_until_the_search_ends(monkeypatch):
+    """What is identified waits for the search; where that is in vain nothing is followed any more."""
+    with guessing(monkeypatch, 0.1, np.ones(2, bool)) as session:
+        steps = list(session.steps())
+        assert session.identifier.record.whole is None
+    followed = [step.index for step in steps if step.phase == "following"]
+    assert followed == list(range(followed[0], followed[-1] + 1))
+    # the first frame that moves has none before it, and the guess is known at the one after it
+    assert followed[0] / 30.0 == pytest.approx(0.3 + 3 / 30.0, abs=1e-9)
+    assert followed[-1] / 30.0 == pytest.approx(1.5, abs=0.1)
+    step = steps[followed[0]]
+    assert (step.scene, step.fit, step.verdict) == ("guessed", None, None)
+    assert step.said == "It is followed as a first guess has it. The search needs 1.2 s more of motion."
+    assert steps[-1].said == "Nothing is there. The search needs 0.4 s more of motion."
+
+
+def test_a_guess_that_the_pictures_do_not_show_is_not_followed(monkeypatch):
+    with guessing(monkeypatch, 0.1, np.array([True, False])) as session:
+        steps = list(session.steps())
+    assert {(step.phase, step.pose, step.scene) for step in steps} == {("watching", None, None)}
+
+
+def test_no_frame_gives_way_to_following_a_guess(monkeypatch):
+    """Where the next one has come already, what is watched for the search comes first."""
+    session = guessing(monkeypatch, 0.1, np.ones(2, bool))
+    monkeypatch.setattr(Feed, "behind", property(lambda _: True))
+    with session:
+        assert {step.phase for step in session.steps()} == {"watching"}
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_a_stream_is_behind_where_its_next_frame_has_come_already(live):
+    """What waits until it is taken never is."""
+    rng = np.random.default_rng(0)
+    source = pictures_of([noisy(k, moving=True, rng=rng) for k in range(2)], 30.0)
+    feed = Feed(replace(source, live=live, direct=False), 4)
+    try:
+        assert feed._thread is not None
+        feed._thread.join()
+        assert feed.behind is live
+        feed.next()
+        feed.next()
+        assert not feed.behind
+    finally:
+        feed.close()
+
+
+def test_a_guess_that_explains_little_says_nothing(monkeypatch):
     """It is dropped, and the search is that of a whole run."""
-    watched = Beginning(1.5)
-    watched.go_on(replace(guess(0.5, 0.1), mismatch=np.full(5, 0.4)))
-    assert (watched.guess, watched.why) == (None, "")
-    better = replace(guess(0.5, 0.1), mismatch=np.full(5, 0.3))
-    watched.go_on(better)
-    assert watched.guess is better
+    with guessing(monkeypatch, 0.4, np.ones(2, bool)) as session:
+        steps = list(session.steps())
+    assert {step.phase for step in steps} == {"watching"}
+    why = steps[20].said.removesuffix(" The search needs 0.9 s more of motion.")
+    assert why == "So far a first guess explains 60% of what moves."
 
 
 def test_a_mechanism_that_no_frame_shows_is_not_found(monkeypatch):
@@ -249,7 +328,7 @@ def test_it_is_followed_before_it_is_identified(monkeypatch):
     pose = Poses(
         ("joint1",), np.zeros(1, int), np.zeros(1), np.zeros((1, 1)), np.ones((1, 1, 1)), np.ones(1, bool)
     )
-    tracker = SimpleNamespace(follow=lambda *_: pose)
+    tracker = SimpleNamespace(follow=lambda *_: pose, scene=None)
     shown = Begun(SimpleNamespace(scene=None), tracker, None, 1000)
     monkeypatch.setattr("monodyn.live.stream.begin", lambda *_: shown)
     rng = np.random.default_rng(0)

@@ -54,6 +54,11 @@ def test_a_longer_link_moves_what_hangs_on_it() -> None:
     assert before.values["link1.length"] == pytest.approx(0.2, rel=1e-12)
 
 
+def test_which_joints_slide() -> None:
+    assert load("cartpole").slides.tolist() == [True, False]
+    assert load("double").slides.tolist() == [False, False]
+
+
 def test_values_by_row_are_those_by_name() -> None:
     mechanism = load("double").with_torque("fourier", terms=1, period=0.5)
     named = {"link1.length": 0.3, "joint2.damping": 1e-4, "torque.period": 0.7}

@@ -2,7 +2,8 @@
 
 What was watched is a clip in memory, so that the search is that of a whole run: background and colours,
 camera and sizes, poses. Its first step, which takes half of the time and needs little motion, is done while
-more is watched; what it finds is refined in all frames that have come by then.
+more is watched; what it finds is followed from then on, and refined in all frames that have come by the time
+of the search.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from monodyn.vision.foreground.masks import Masks
 from monodyn.vision.foreground.soft import SoftMasks
 from monodyn.vision.foreground.thumbnails import Window
 from monodyn.vision.locating.advice import UNEXPLAINED_SHARE
-from monodyn.vision.locating.locate import Sought, first_guess
+from monodyn.vision.locating.locate import Sought, first_scene
 from monodyn.vision.locating.scene import Scene
 from monodyn.vision.locating.search import SceneGuess
 
@@ -150,24 +151,36 @@ class Beginning:
         while not self.holds and self._too_many():
             self._held -= _size(self.frames.pop(0))
 
-    def go_on(self, outcome: SceneGuess | MonodynError) -> None:
+    def go_on(self, outcome: Guessed | MonodynError) -> None:
         """Go on watching after a step of the search that has not found the mechanism yet.
 
         Args:
             outcome: A guess where it is, or why there is none.
         """
         self.needed = AGAIN * self.moving if self.guessed else self._seconds
-        self.guessed, self.holds = True, False
-        self.guess, self.why = None, "" if isinstance(outcome, SceneGuess) else str(outcome)
-        # one that leaves much of the foreground unexplained says nothing
-        if isinstance(outcome, SceneGuess) and outcome.score < UNEXPLAINED_SHARE:
-            self.guess, self.why = outcome, hardly_shown(outcome)
+        self.guessed, self.holds, self.guess = True, False, None
+        if isinstance(outcome, Guessed):
+            self.guess, self.why = outcome.guess, hardly_shown(outcome.guess)
+        else:
+            self.why = str(outcome)
 
     def _too_many(self) -> bool:
         """Return whether the oldest frame gives way: nothing moved since, or there is no room."""
         first, last = self.frames[0], self.frames[-1]
         still = self.moving == 0.0 and last.time - first.time > STILL_KEPT
         return still or (self._held > MOST_HELD and len(self.frames) > 2)
+
+
+class Guessed(NamedTuple):
+    """What a fifth of the motion has shown.
+
+    Attributes:
+        guess: About where the mechanism is.
+        tracker: Follows it from there until the search in all that was watched has found it.
+    """
+
+    guess: SceneGuess
+    tracker: Tracker
 
 
 class Begun(NamedTuple):
@@ -188,10 +201,11 @@ class Begun(NamedTuple):
 
 def begin(
     watched: Beginning, name: str, mechanism: Mechanism, settings: RunSettings
-) -> Begun | SceneGuess | MonodynError:
+) -> Begun | Guessed | MonodynError:
     """Look for the mechanism in the first seconds, and follow it through what comes meanwhile.
 
-    The first time it is only guessed where the mechanism is.
+    The first time it is only guessed where the mechanism is; a guess that leaves much unexplained says
+    nothing.
 
     Args:
         watched: What was watched; more frames may come to it while it is looked at.
@@ -200,7 +214,7 @@ def begin(
         settings: How each stage goes.
 
     Returns:
-        What was found, or why nothing was.
+        What was found or guessed, or why nothing was.
     """
     frames, choices = tuple(watched.frames), camera_choices(settings)
     try:
@@ -208,7 +222,10 @@ def begin(
         if masks.video.camera_path is not None:
             return VideoError(f"{name}: expected a camera that stands still, got one that moves; fasten it.")
         if not watched.guessed:
-            return first_guess(Sought(masks, mechanism, settings.locate, *choices, lambda *_: None))
+            guess, scene = first_scene(Sought(masks, mechanism, settings.locate, *choices, lambda *_: None))
+            if guess.score >= UNEXPLAINED_SHARE:
+                return VideoError(f"So far a first guess explains {1.0 - guess.score:.0%} of what moves.")
+            return Guessed(guess, Tracker(_everywhere(scene), settings.track, watched.frames))
         found = search(frames, masks, mechanism, settings, watched.guess)
     except MonodynError as error:
         return error

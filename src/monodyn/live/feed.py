@@ -86,6 +86,11 @@ class Feed:
                 raise StopIteration
             return None
 
+    @property
+    def behind(self) -> bool:
+        """Whether the next frame of a source that does not wait is there already."""
+        return self._source.live and len(self._waiting) > 0
+
     def waits(self, job: Future[Any]) -> None:
         """Wait until a job is done, or there is something better to do: a frame waits, or nobody wants more.
 

@@ -308,8 +308,7 @@ def followed_from(fit: Fit, poses: Poses) -> int:
     """
     smoothed, stretch = smooth(poses), fit.mechanism.values["time_scale"]
     whole = np.asarray(poses.measured.all(axis=1))
-    slides = [joint.kind == "slide" and not poses.metric for joint in fit.mechanism.joints]
-    unit = np.where(slides, fit.scale, 1.0)
+    unit = np.where(fit.mechanism.slides & (not poses.metric), fit.scale, 1.0)
     motion = np.hstack((smoothed.position * unit, smoothed.velocity * unit / stretch))
     slopes = transitions(fit.mechanism.tree, stretch * smoothed.time, motion, substeps=ROUGH_STEPS)
     grown = np.eye(motion.shape[1])[: len(unit)]

@@ -78,8 +78,7 @@ def cut_with_all(
         return cut
     scene = found.scene
     if scene.doubt is not None:
-        slides = np.array([joint.kind == "slide" for joint in scene.mechanism.joints])
-        whole = scene.doubt.with_shifts(whole, slides)
+        whole = scene.doubt.with_shifts(whole, scene.mechanism.slides)
     again = Identifier(live, settings.identify, in_order=True)
     try:
         again.begin(found)

@@ -168,8 +168,7 @@ def _tracked(
     )  # fmt: skip
     poses = unwound(poses, np.array([joint.turns for joint in found.scene.mechanism.joints]))
     if found.scene.doubt is not None:
-        slides = np.array([joint.kind == "slide" for joint in found.scene.mechanism.joints])
-        poses = found.scene.doubt.with_shifts(poses, slides)
+        poses = found.scene.doubt.with_shifts(poses, found.scene.mechanism.slides)
     seen = rows[record.time[kept] >= cut.time]
     first, last = (int(seen[0]), int(seen[-1])) if len(seen) else (int(rows[0]), int(rows[-1]))
     notes = []

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from monodyn.live.estimate import Estimate
 
 Phase = Literal["watching", "searching", "following"]
-"""Watching; looking for the mechanism in what was watched; following it."""
+"""Watching; looking for the mechanism in what was watched; following it, be it as a first guess has it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Step:
         frame: The frame.
         pose: The pose in it, one row, slides in the start scale; None before the mechanism is followed, and
             a row that was not seen where it is lost.
-        scene: Mechanism and camera; None before they are found.
+        scene: Mechanism and camera, found or as a first guess has them; None where nothing is followed.
         estimate: What was identified last; None before anything was.
         base: The last fit of a whole stretch, whose verdict holds; None before one.
         said: What there is to say at this moment, a sentence.

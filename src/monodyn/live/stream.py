@@ -18,7 +18,7 @@ import numpy as np
 from monodyn.checks import drawn_mechanism
 from monodyn.errors import MonodynError, VideoError
 from monodyn.live.applied import Applied
-from monodyn.live.begin import Beginning, Begun, Found, begin
+from monodyn.live.begin import Beginning, Begun, Found, Guessed, begin
 from monodyn.live.clock import Clock
 from monodyn.live.feed import Arrival, Feed
 from monodyn.live.foreseen import Foreseen
@@ -31,7 +31,6 @@ from monodyn.mechanism import Mechanism
 from monodyn.mechanism.dots import shows_dots
 from monodyn.settings import RunSettings
 from monodyn.types import Frame, Poses
-from monodyn.vision.locating.search import SceneGuess
 
 Apply = Callable[[Step], Mapping[str, float] | None]
 """Applies torques at a frame, and returns them by joint; None for none."""
@@ -126,7 +125,7 @@ class Session:
         self._feed, self._clock = Feed(source, live.queue), Clock(None if source.video else 0.0)
         self._beginning = Beginning(live.begin)
         self._worker = ThreadPoolExecutor(1, "search")
-        self._search: Future[Begun | SceneGuess | MonodynError] | None = None
+        self._search: Future[Begun | Guessed | MonodynError] | None = None
         self._tracker: Tracker | None = None
         self._foreseen = Foreseen(live.ahead)
         self.said = self._beginning.lacks
@@ -166,31 +165,28 @@ class Session:
     def _step(self, arrival: Arrival) -> Step:
         """Return what is known with one more frame."""
         frame, broken = self._clock.take(arrival.frame)
-        tracker, pose = self._tracker, None
-        if tracker is not None:
-            pose = tracker.follow(frame, self._expected(frame.time))
-        else:
+        tracker, found = self._tracker, self.found
+        # what is watched for the search comes first: no frame gives way to following a guess
+        waits = found is None and self._feed.behind
+        pose = None if tracker is None or waits else tracker.follow(frame, self._expected(frame.time))
+        if found is None:
             self._watch(frame, broken=broken)
-            if self._tracker is not None:
-                pose = self.identifier.record.last
+            # what a guess shows is worth showing where all of it lies on the picture
+            pose = pose if pose is not None and self._tracker is tracker and pose.seen.all() else None
+            pose = pose if self.found is None else self.identifier.record.last
         latency, fresh = time.perf_counter() - arrival.at, None
-        if tracker is not None and pose is not None:
+        if found is not None and pose is not None:
             self.identifier.take(pose, broken=broken)
-        if self._tracker is not None and self.identifier.settle(self._feed.waits):
+        if self.found is not None and self.identifier.settle(self._feed.waits):
             fresh = time.perf_counter() - arrival.at
         estimate, base = self.identifier.estimate, self.identifier.base
         errors = self._foreseen.add(pose, estimate)
-        scene = None if self.found is None else self.found.scene
+        scene = None if pose is None or self._tracker is None else self._tracker.scene
+        phase: Phase = "watching" if self._search is None else "searching"
         return Step(
-            frame.index, frame.time, self._phase, frame, pose, scene,
+            frame.index, frame.time, phase if pose is None else "following", frame, pose, scene,
             estimate, base, self._sentence(pose), self._feed.skipped, latency, fresh, errors,
         )  # fmt: skip
-
-    @property
-    def _phase(self) -> Phase:
-        if self._tracker is not None:
-            return "following"
-        return "watching" if self._search is None else "searching"
 
     def _expected(self, time: float) -> np.ndarray | None:
         """Return where the dynamics have the joints at a time, as pictures have them, (dof,)."""
@@ -203,7 +199,7 @@ class Session:
     def _watch(self, frame: Frame, *, broken: bool) -> None:
         """Take a frame before the mechanism is found; look for it when enough has moved."""
         if broken and self._search is None:
-            self._beginning = Beginning(self._live.begin)
+            self._beginning, self._tracker = Beginning(self._live.begin), None
         self._beginning.add(frame)
         if self._search is None:
             self._look()
@@ -213,17 +209,18 @@ class Session:
     def _look(self) -> None:
         """Take the next step of the search where enough has moved for it; say what it lacks."""
         watched = self._beginning
-        self.said = watched.lacks if self._tracker is None else self.said
-        if self._tracker is None and watched.ready:
+        self.said = watched.lacks if self.found is None else self.said
+        if self.found is None and watched.ready:
             watched.holds = True
             seconds = watched.frames[-1].time - watched.frames[0].time
             self.said = f"Looking for the mechanism in the last {seconds:.1f} s. {watched.why}".rstrip()
             self._search = self._worker.submit(begin, watched, *self._sought)
 
-    def _take_over(self, begun: Begun | SceneGuess | MonodynError) -> None:
+    def _take_over(self, begun: Begun | Guessed | MonodynError) -> None:
         """Go on from what a step of the search has found."""
         self._search, watched = None, self._beginning
         if not isinstance(begun, Begun):
+            self._tracker = begun.tracker if isinstance(begun, Guessed) else None
             watched.go_on(begun)
             self.said = watched.lacks
             return
@@ -237,7 +234,9 @@ class Session:
     def _sentence(self, pose: Poses | None) -> str:
         """Return what there is to say."""
         base, estimate = self.identifier.base, self.identifier.estimate
-        if self._tracker is not None and base is not None:
+        if self.found is None and pose is not None:
+            return f"It is followed as a first guess has it. {self.said}"
+        if self.found is not None and base is not None:
             self.said = estimate.astray if estimate is not None and estimate.astray else base.status
             if pose is not None and not pose.measured.any():
                 self.said = "The mechanism is not in sight."

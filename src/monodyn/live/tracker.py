@@ -28,7 +28,6 @@ class Tracker:
     def __init__(self, scene: Scene, settings: TrackSettings, watched: Sequence[Frame]) -> None:
         self.scene = scene
         self._joints = tuple(joint.name for joint in scene.mechanism.joints)
-        self._slides = np.array([joint.kind == "slide" for joint in scene.mechanism.joints])
         # the numbers of frames in the stream are not those of the clip in which the scene was found
         self._follower = Follower(replace(scene, key_frames=(), key_positions=np.zeros((0, 0))), settings)
         for frame in watched[-LED_IN:]:
@@ -48,12 +47,9 @@ class Tracker:
         found = self._follower.find(frame, expected)
         position = np.where(found.joints, found.position, np.nan)[None]
         whole, doubt = np.array([bool(found.joints.all())]), self.scene.doubt
-        shifts = None
-        if doubt is not None:
-            where = np.where(found.joints, found.position, 0.0)[None]
-            shifts = np.where(np.isfinite(position), doubt.shifts_at(where, self._slides), 0.0)
-        return Poses(
+        poses = Poses(
             self._joints, np.array([frame.index]), np.array([frame.time]), position,
             found.covariance[None], whole, metric=False, joint_seen=found.joints[None],
-            roll=self.scene.camera.roll, shifts=shifts,
+            roll=self.scene.camera.roll,
         )  # fmt: skip
+        return poses if doubt is None else doubt.with_shifts(poses, self.scene.mechanism.slides)

@@ -79,6 +79,11 @@ class Mechanism:
         return settled(self.plan, self.numbers[: len(self.plan.table.names)], self.own)
 
     @property
+    def slides(self) -> np.ndarray:
+        """True for the joints that slide, bool (dof,)."""
+        return np.array([joint.kind == "slide" for joint in self.joints])
+
+    @property
     def torque(self) -> str:
         """What acts at the joints in addition to springs: ``"friction"``, ``"fourier"``, ``"free"``, or
         ``"known"`` torques, which belong to a record."""

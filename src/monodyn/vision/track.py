@@ -106,7 +106,7 @@ def follow_clip(
     poses = unwound(poses, first.turning)
     if scene.doubt is None:
         return poses
-    return scene.doubt.with_shifts(poses, np.array([j.kind == "slide" for j in scene.mechanism.joints]))
+    return scene.doubt.with_shifts(poses, scene.mechanism.slides)
 
 
 def _followed(masks: Masks, follower: Follower, progress: Progress | None) -> Poses:

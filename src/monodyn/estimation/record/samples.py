@@ -177,8 +177,7 @@ def prepare(poses: Sequence[Poses], mechanism: Mechanism) -> Data:
         raise VideoError("identify: expected at least one record of joint positions, got none.")
     parts = [_record(i, record, mechanism) for i, record in enumerate(poses)]
     first = np.concatenate(([0], np.cumsum([len(part[0]) for part in parts])))
-    slides = np.array([joint.kind == "slide" for joint in mechanism.joints])
-    slide = np.array([slides & (not record.metric) for record in poses])
+    slide = np.array([mechanism.slides & (not record.metric) for record in poses])
     times, position, white, measured, source = (np.concatenate(part) for part in zip(*parts, strict=True))
     turning = by_roll(mechanism)
     turned = np.array([turning * (record.roll is not None) for record in poses])

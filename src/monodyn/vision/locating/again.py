@@ -99,9 +99,7 @@ def find_again(sought: locate.Sought, scene: Scene, tracked: Poses, *, looks: bo
 def _followed(scene: Scene, tracked: Poses, mechanism: Mechanism, camera: Camera) -> _Followed:
     """Return the sample frames in which the whole mechanism was seen, in the unit of ``mechanism``."""
     assert scene.shutter is not None
-    metres = np.where(
-        [joint.kind == "slide" for joint in scene.mechanism.joints], 1.0 / scene.camera.depth, 1.0
-    )
+    metres = np.where(scene.mechanism.slides, 1.0 / scene.camera.depth, 1.0)
     row_of = {int(frame): row for row, frame in enumerate(tracked.frame) if tracked.seen[row]}
     numbers = [frame.index for frame in scene.masks.samples.frames]
     rows = np.array([i for i, number in enumerate(numbers) if number in row_of], dtype=np.int64)

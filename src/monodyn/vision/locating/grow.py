@@ -342,9 +342,9 @@ def _laid(
 def _reach_px(structure: Structure, link: int) -> float:
     """Return how far the links up to one reach from the root, stretched out [px]; without end where one of
     them slides or has no length."""
-    mechanism, reach = structure.mechanism, 0.0
-    for joint in mechanism.joints[: link + 1]:
-        length = mechanism.values.get(f"{joint.body}.length") if joint.kind == "hinge" else None
+    values, reach = structure.mechanism.values, 0.0
+    for joint in structure.mechanism.joints[: link + 1]:
+        length = values.get(f"{joint.body}.length") if joint.kind == "hinge" else None
         reach += np.inf if length is None else length
     return reach * structure.camera.focal / structure.camera.depth
 

@@ -228,14 +228,14 @@ def key_frames(masks: Masks, geoms: int) -> KeyFrames:
         One key frame per sample.
     """
     empty = no_frames(masks, masks.view(geoms))
-    made = on_all_cores(lambda frame: _reduced(masks.of(frame), empty), masks.samples.frames)
+    made = on_all_cores(lambda frame: key_frame(masks.of(frame), empty), masks.samples.frames)
     frames = replace(empty, frames=tuple(made))
     by = lacking([frames.shown(frames.frames[row]) for row in frames.most_distinct(JUDGED)])
     return frames if by is None else frames.thickened(by)
 
 
 def key_frame(mask: Mask, frames: KeyFrames) -> KeyFrame:
-    """Make a key frame of one mask.
+    """Make a key frame of one mask, as thick as the others.
 
     Args:
         mask: A mask of the clip.
@@ -244,7 +244,16 @@ def key_frame(mask: Mask, frames: KeyFrames) -> KeyFrame:
     Returns:
         The key frame.
     """
-    return _reduced(mask, frames)
+    import cv2
+
+    shown = _averaged(mask.coverage, frames.shrink)
+    np.minimum(shown, FULL, out=shown)
+    cv2.threshold(shown, MOST_STRAY, 0, cv2.THRESH_TOZERO, dst=shown)
+    if frames.thicker is not None:
+        shown = thickened_mask(np.where(frames.blind, np.uint8(0), shown), round(frames.thicker))
+    coarse, area = _filled(shown, frames)
+    planes = planes_for(mask, frames.view)
+    return KeyFrame(mask.index, mask.time, planes, coarse, area)
 
 
 def no_frames(masks: Masks, view: View) -> KeyFrames:
@@ -265,20 +274,6 @@ def no_frames(masks: Masks, view: View) -> KeyFrames:
     size = max(window.bottom - window.top, window.right - window.left)
     shrink = max(1, round(size / COARSE_PX))
     return KeyFrames((), shrink, view, _averaged(least, shrink), _averaged(most, shrink))
-
-
-def _reduced(mask: Mask, frames: KeyFrames) -> KeyFrame:
-    """Reduce a mask, as thick as the others."""
-    import cv2
-
-    shown = _averaged(mask.coverage, frames.shrink)
-    np.minimum(shown, FULL, out=shown)
-    cv2.threshold(shown, MOST_STRAY, 0, cv2.THRESH_TOZERO, dst=shown)
-    if frames.thicker is not None:
-        shown = thickened_mask(np.where(frames.blind, np.uint8(0), shown), round(frames.thicker))
-    coarse, area = _filled(shown, frames)
-    planes = planes_for(mask, frames.view)
-    return KeyFrame(mask.index, mask.time, planes, coarse, area)
 
 
 def _filled(shown: np.ndarray, frames: KeyFrames) -> tuple[np.ndarray, float]:

@@ -65,26 +65,9 @@ def find_scene(sought: Sought) -> Scene:
     Returns:
         The scene.
     """
-    masks, settings, start, unit = sought.masks, sought.settings, sought.start, sought.unit
-    names = refined_names(sought)
-    sought.step(0)
-    geoms = len(start.mechanism.shapes.radius)
-    frames = key_frames(masks, geoms)
-    sought.step(1)
-    guess = sought.guess or _searched(sought, frames, names)
-    sought.step(4)
-    # What is known of the mechanism makes the masks better, twice: first their colours, measured inside of
-    # the outlines, then the background, taken where the outlines leave it free.
-    guess = search_poses(frames, guess.mechanism, guess.camera)
-    # of pictures in 4K the whole masks of two sets of key frames would fill the memory
-    del frames
-    masks = _with_colours(masks, guess)
-    sought.step(5)
-    frames = key_frames(masks, geoms)
-    sought.step(6)
-    guess = reconsidered(frames, guess, variables_of(guess, start, names), start)
-    variables = whole_variables(sought, guess, start, names)
-    bundle, rows = refined_whole(frames, guess, variables, FINE, settings.refine_frames)
+    settings, start, unit = sought.settings, sought.start, sought.unit
+    names, geoms = refined_names(sought), len(start.mechanism.shapes.radius)
+    _, masks, frames, guess, variables, bundle, rows = _first_refined(sought, names)
     bundle, more = with_departed(_whole(frames, rows), bundle, variables, FINE)
     tied = without_unseen(bundle, start.mechanism)
     # what seemed to stand elsewhere may have been an edge of the first background: it is judged anew
@@ -124,17 +107,44 @@ def find_scene(sought: Sought) -> Scene:
     return found_scene(sought, masks, frames.only(rows), bundle, camera)
 
 
-def first_guess(sought: Sought) -> SceneGuess:
-    """Find about where the mechanism is: the first step of `find_scene` alone.
+def first_scene(sought: Sought) -> tuple[SceneGuess, Scene]:
+    """Find about where the mechanism is: the first steps of `find_scene` alone.
 
     Args:
         sought: The masks, the mechanism, and what is known of the camera.
 
     Returns:
-        The mechanism before a camera, with poses in a few key frames.
+        The mechanism before a camera, with poses in a few key frames; and the scene of it, refined once in
+        the whole pictures: it can be followed there, and nothing is said of how well its sizes are known.
     """
-    frames = key_frames(sought.masks, len(sought.mechanism.shapes.radius))
-    return _searched(sought, frames, refined_names(sought))
+    guess, masks, frames, _, _, bundle, rows = _first_refined(sought, refined_names(sought))
+    return guess, _in_metres(sought, masks, frames.only(rows), bundle)[0]
+
+
+def _first_refined(
+    sought: Sought, names: Sequence[str]
+) -> tuple[SceneGuess, Masks, KeyFrames, SceneGuess, SceneVariables, Bundle, list[int]]:
+    """Search, and refine once in whole pictures; return what was guessed, the masks with its colours, their
+    key frames, its poses there, what was refined, and the refinement with the rows of its key frames."""
+    start, geoms = sought.start, len(sought.mechanism.shapes.radius)
+    sought.step(0)
+    frames = key_frames(sought.masks, geoms)
+    sought.step(1)
+    guess = sought.guess or _searched(sought, frames, names)
+    sought.step(4)
+    # What is known of the mechanism makes the masks better, twice: first their colours, measured inside of
+    # the outlines, then the background, taken where the outlines leave it free.
+    posed = search_poses(frames, guess.mechanism, guess.camera)
+    # of pictures in 4K the whole masks of two sets of key frames would fill the memory
+    del frames
+    masks = _with_colours(sought.masks, posed)
+    sought.step(5)
+    frames = key_frames(masks, geoms)
+    sought.step(6)
+    posed = reconsidered(frames, posed, variables_of(posed, start, names), start)
+    variables = whole_variables(sought, posed, start, names)
+    refined = refined_whole(frames, posed, variables, FINE, sought.settings.refine_frames)
+    return guess, masks, frames, posed, variables, *refined
 
 
 def _searched(sought: Sought, frames: KeyFrames, names: Sequence[str]) -> SceneGuess:
@@ -292,33 +302,35 @@ def found_scene(
     allowed = replace(bundle, alternatives=(*bundle.alternatives, lit))
     measured = size_information(allowed, scale_free=scale_free)
     std = looks.camera_std(bundle, scale_free=scale_free)
-    order = [frame.index for frame in frames.frames]
-    first = int(np.argmin(order))
-    rms = float(np.sqrt(np.mean(bundle.rms_px**2)))
     freed = {name: value for name, value in std.items() if name in sought.free}
     share = float(np.median(left_shares(judged, shown.mechanism, shown.camera, shown.positions)))
     advice = scene_advice(bundle, freed, share, varied=masks.varied)
     advice += hidden_advice(hidden_places(allowed, scale_free=scale_free))
     advice += twin_advice(bundle.camera, looks.twin)
-    camera = bundle.camera
-    metre = units_per_metre(bundle.mechanism, camera, sought.mechanism, sought.fix, sought.pinned)
-    mechanism = in_metres(bundle.mechanism, sought.mechanism, metre, sought.pinned)
-    camera = replace(camera, x=camera.x / metre, y=camera.y / metre, depth=camera.depth / metre)
-    slides = np.array([joint.kind == "slide" for joint in mechanism.joints])
-    positions = np.where(slides, bundle.positions / metre, bundle.positions)
-    return Scene(
-        mechanism=mechanism.with_measured(measured),
-        camera=with_values(camera, dict(sought.fix)),
-        masks=masks,
-        frame=order[first],
-        position=positions[first],
-        key_frames=tuple(order),
-        key_positions=positions,
+    scene, metre = _in_metres(sought, masks, frames, bundle)
+    return replace(
+        scene,
+        mechanism=scene.mechanism.with_measured(measured),
         camera_std={n: value / metre if PARAMETERS[n].unit == "m" else value for n, value in std.items()},
-        rms_px=rms,
         beside=beside(judged, shown),
         advice=tuple(advice),
-        thicker=frames.thicker,
         doubt=doubt_of(bundle, looks.known(bundle), looks.off(bundle), metre, scale_free=scale_free),
         twin=looks.twin,
     )
+
+
+def _in_metres(sought: Sought, masks: Masks, frames: KeyFrames, bundle: Bundle) -> tuple[Scene, float]:
+    """Return the scene of a bundle over key frames in metres of the file, and how many units are one."""
+    camera, order = bundle.camera, [frame.index for frame in frames.frames]
+    metre = units_per_metre(bundle.mechanism, camera, sought.mechanism, sought.fix, sought.pinned)
+    mechanism = in_metres(bundle.mechanism, sought.mechanism, metre, sought.pinned)
+    camera = replace(camera, x=camera.x / metre, y=camera.y / metre, depth=camera.depth / metre)
+    positions = np.where(mechanism.slides, bundle.positions / metre, bundle.positions)
+    camera = with_values(camera, dict(sought.fix))
+    first = int(np.argmin(order))
+    frame, place = order[first], positions[first]
+    rms = float(np.sqrt(np.mean(bundle.rms_px**2)))
+    scene = Scene(
+        mechanism, camera, masks, frame, place, tuple(order), positions, {}, rms, (), frames.thicker
+    )
+    return scene, metre

@@ -98,12 +98,9 @@ def candidates(samples: Samples) -> Iterator[Samples]:
         apart from one another, without such frames too.
     """
     yield samples
-    emptier = without_fuller(samples)
-    if emptier is not None:
-        yield emptier
-    calmer = least_blurred(samples)
-    if calmer is not None:
-        yield calmer
+    for fewer in (without_fuller, least_blurred):
+        if (some := fewer(samples)) is not None:
+            yield some
     parts = samples.parts
     if parts is None:
         return

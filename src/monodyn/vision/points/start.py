@@ -155,8 +155,7 @@ def started(
     )
     places = Places(marks, file, free)
     position = _continued(found.position)
-    slides = np.array([joint.kind == "slide" for joint in file.joints])
-    position = np.where(slides, position * camera.depth, position)
+    position = np.where(file.slides, position * camera.depth, position)
     if moving:
         position = np.column_stack([position, np.zeros((len(position), 2))])
     noise = np.full(len(marks), START_NOISE * camera.width)
