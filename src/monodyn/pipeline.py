@@ -168,13 +168,13 @@ def _identified(
     """Identify from some rows of a tracked clip; return the fit with what speaks against it but for the rows
     after these, and the poses with the turns that the dynamics make out."""
     settings, log, progress = job.settings.identify, job.log, job.progress
-    poses, unsure = with_right_turns(poses, rows, scene.mechanism, settings, progress)
-    part = poses[slice(*rows)]
     bodies = chosen_bodies(mechanism, settings.bodies)
-    why = doubtful_sight(sight, part, uniform=bodies == "uniform")
-    # no number of starts finds the mechanism in poses that are not its own
-    quick = replace(settings, starts=1, uncertainty="linear")
-    fit = identify(part, scene.mechanism, quick if why else settings, progress=progress)
+    why = doubtful_sight(sight, poses[slice(*rows)], uniform=bodies == "uniform")
+    if why:
+        # no number of starts finds the mechanism in poses that are not its own
+        settings = replace(settings, starts=1, uncertainty="linear")
+    poses, unsure = with_right_turns(poses, rows, scene.mechanism, settings, progress)
+    fit = identify(poses[slice(*rows)], scene.mechanism, settings, progress=progress)
     why = why or (None if fit.ok else likely_sight(sight))
     uniform = not any(p.kind == "inertia" and p.free for p in fit.mechanism.parameters)
     log.notes += [*mass_notes(mechanism, "uniform" if uniform else "free"), *unsure]

@@ -124,11 +124,6 @@ class Plan:
     ties: tuple[tuple[int, np.ndarray], ...]
     turns: tuple[Turn, ...]
 
-    def __post_init__(self) -> None:
-        # trees and shapes, of which a search makes thousands, share these without a copy
-        for shared in (self.parent, self.kind, self.shape_link, self.first):
-            shared.flags.writeable = False
-
     @cached_property
     def follows(self) -> np.ndarray:
         """True where a value follows from others by default, bool (param,)."""
