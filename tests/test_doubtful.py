@@ -5,7 +5,9 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
+import monodyn.doubtful
 from monodyn.doubtful import doubtful_sight, likely_sight, unshown_parts
 from monodyn.mechanism import load
 from monodyn.types import Poses
@@ -72,18 +74,20 @@ def test_a_fit_to_what_is_hardly_the_mechanism_is_doubted() -> None:
     assert doubtful_sight(sight, poses(100, 100)) is None  # type: ignore[arg-type]
 
 
-def test_a_mechanism_that_sways_before_a_bare_wall_is_doubted() -> None:
+def test_a_mechanism_that_sways_before_a_bare_wall_is_doubted(monkeypatch: pytest.MonkeyPatch) -> None:
+    sway = SimpleNamespace(rms_px=12.34)
+    monkeypatch.setattr(monodyn.doubtful, "scene_sway", lambda scene: sway)
     video = SimpleNamespace(repeats=SimpleNamespace(frames=()), bare=True)
     scene = SimpleNamespace(masks=SimpleNamespace(video=video), beside={})
-    sight = SimpleNamespace(unshown=[], mismatch=0.2, scene=scene, points=None, sway_px=12.34)
+    sight = SimpleNamespace(unshown=[], mismatch=0.2, scene=scene, points=None)
     assert doubtful_sight(sight, poses(100, 100)) == (  # type: ignore[arg-type]
         "The whole mechanism sways by 12.3 px in the picture, and the background shows too little to follow "
         "the camera by: put the camera on a tripod, or film before a background with edges and patterns over "
         "much of the picture."
     )
-    sight.sway_px = 0.4
+    sway.rms_px = 0.4
     assert doubtful_sight(sight, poses(100, 100)) is None  # type: ignore[arg-type]
-    sight.sway_px, video.bare = 12.34, False
+    sway.rms_px, video.bare = 12.34, False
     assert doubtful_sight(sight, poses(100, 100)) is None  # type: ignore[arg-type]
 
 

@@ -17,6 +17,7 @@ from monodyn.estimation.wording import listed
 from monodyn.results.sight import Sight
 from monodyn.types import Poses
 from monodyn.vision.locating.advice import UNEXPLAINED_SHARE
+from monodyn.vision.locating.parallax import scene_sway
 from monodyn.vision.points.scene import PointScene
 
 if TYPE_CHECKING:
@@ -77,9 +78,11 @@ def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | 
     # what lies badly on its mask and was lost again and again may be something else
     if sight.mismatch > MOST_MISMATCH * min(seen / max(count, 1), 1.0):
         return _mismatched(sight, count - seen, count)
-    if sight.scene is not None and sight.scene.masks.video.bare and sight.sway_px > MOST_SWAY_PX:
+    bare = sight.scene is not None and sight.scene.masks.video.bare
+    sway_px = scene_sway(sight.scene).rms_px if bare else 0.0
+    if sway_px > MOST_SWAY_PX:
         return (
-            f"The whole mechanism sways by {sight.sway_px:.1f} px in the picture, and the background "
+            f"The whole mechanism sways by {sway_px:.1f} px in the picture, and the background "
             "shows too little to follow the camera by: put the camera on a tripod, or film before a "
             "background with edges and patterns over much of the picture."
         )

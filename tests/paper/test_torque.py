@@ -8,17 +8,21 @@ from monodyn.errors import SettingsError
 from monodyn.mechanism import load
 from monodyn.mechanism.drive import FOURIER, Drive
 from monodyn.mechanism.simulate import accelerations
-from monodyn.mechanism.tree import DAMPING, INERTIA, MASS
+from monodyn.mechanism.tree import CREEP, DAMPING, HINGE, INERTIA, MASS
 from monodyn.paper.torque import (
     fourier_basis,
     fourier_coefficients,
-    friction_torque,
     inverse_dynamics,
     torque_of_series,
 )
 from support import refuses
 
 TIMES = np.arange(200) / 30.0
+
+
+def friction_torque(rate, damping, friction):
+    """Return the torque of eq. (9), -b v - f sign(v): against the motion, where the paper prints b v."""
+    return -damping * rate - friction * np.tanh(rate / CREEP[HINGE])
 
 
 def test_friction_takes_energy_out():

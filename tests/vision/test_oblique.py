@@ -12,7 +12,6 @@ from monodyn.types import Camera, Poses
 from monodyn.vision.drawing.camera import CAMERA_STD, around_origin, from_origin
 from monodyn.vision.drawing.follow import EdgeSearch
 from monodyn.vision.locating import oblique
-from monodyn.vision.locating.advice import twin_advice
 from monodyn.vision.locating.bundle import Bundle, KeyMasks, refine
 from monodyn.vision.locating.doubt import doubt_of, edge_turns
 from monodyn.vision.locating.oblique import Looking, from_other_sides, looking, open_turns, with_camera
@@ -122,14 +121,14 @@ def test_a_camera_on_the_other_side_is_found() -> None:
     masks, bundle = squarely(0.35)
     looks = looking(masks, bundle, OPEN, (), SEARCH)
     good = looks.bundle
-    assert looks.twin is None
-    assert from_other_sides(masks, bundle, good, SEARCH) == (good, None)
+    assert looks.bundle.alternatives == ()
+    assert from_other_sides(masks, bundle, good, SEARCH) == (good, [])
     camera = from_origin(replace(around_origin(bundle.camera), yaw=-0.3))
     wrong = replace(good, camera=camera, rms_px=np.full(12, 2.0))
     assert from_other_sides(masks, bundle, wrong, SEARCH)[0].camera.yaw == pytest.approx(0.35, abs=0.02)
     # where the camera stands is given
     given = replace(wrong, variables=replace(wrong.variables, about_origin=False))
-    assert from_other_sides(masks, bundle, given, SEARCH) == (given, None)
+    assert from_other_sides(masks, bundle, given, SEARCH) == (given, [])
 
 
 def test_a_camera_far_away_looks_the_same_from_either_side() -> None:
@@ -140,17 +139,14 @@ def test_a_camera_far_away_looks_the_same_from_either_side() -> None:
     every = with_camera(bundle.variables, bundle.mechanism, ["camera.pitch", "camera.yaw"])
     good = refine(masks, guess, every, SEARCH)
     assert good.camera.yaw == pytest.approx(0.35, abs=0.02)
-    best, twin = from_other_sides(masks, bundle, good, SEARCH)
+    best, (other,) = from_other_sides(masks, bundle, good, SEARCH)
     assert best is good
-    assert twin is not None
-    assert twin.yaw == pytest.approx(-good.camera.yaw, abs=0.02)
-    assert twin_advice(good.camera, None) == []
-    said = twin_advice(replace(good.camera, pitch=0.0, yaw=0.35), replace(twin, pitch=0.0, yaw=-0.35))
-    assert said == [
-        "From which side the camera looks is open: yaw -20.1 deg and pitch 0.0 deg explain the pictures as "
-        "well as yaw 20.1 deg and pitch 0.0 deg, which were taken. Give the true ones with --fix camera.yaw "
-        "camera.pitch where the side counts."
-    ]
+    assert other.camera.yaw == pytest.approx(-good.camera.yaw, abs=0.02)
+    # either side is within the intervals
+    bundle = replace(bundle, variables=replace(bundle.variables, about_origin=True))
+    looks = looking(masks, bundle, ["camera.pitch", "camera.yaw"], ("camera.yaw",), SEARCH)
+    (way,) = looks.bundle.alternatives
+    assert way["camera.yaw"] == pytest.approx(-2.0 * looks.bundle.camera.yaw * 0.5**0.5, rel=0.1)
 
 
 def test_of_two_sides_that_look_alike_the_more_usual_camera_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,10 +158,10 @@ def test_of_two_sides_that_look_alike_the_more_usual_camera_is_taken(monkeypatch
     for nearer, taken in ((1.005, right.camera.yaw), (2.0, far.yaw)):
         wrong = replace(right, camera=far, rms_px=right.rms_px / nearer)
         monkeypatch.setattr(oblique, "_refined", lambda *given: right)
-        best, twin = from_other_sides(masks, bundle, wrong, SEARCH)
+        best, others = from_other_sides(masks, bundle, wrong, SEARCH)
         assert best.camera.yaw == taken
-        # what the pictures do not exclude is named
-        assert (twin is not None) == (nearer < 1.1)
+        # what the pictures do not exclude is kept
+        assert (len(others) == 1) == (nearer < 1.1)
 
 
 def test_turns_that_bring_no_edge_nearer_are_not_believed() -> None:

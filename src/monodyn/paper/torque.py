@@ -1,4 +1,4 @@
-"""Torques at the joints: friction, Fourier series, and what a motion requires."""
+"""Torques at the joints: Fourier series, and what a motion requires."""
 
 from __future__ import annotations
 
@@ -7,35 +7,7 @@ import numpy as np
 from monodyn.mechanism import Mechanism
 from monodyn.mechanism.drive import fourier_basis
 from monodyn.mechanism.simulate import accelerations
-from monodyn.mechanism.tree import CREEP, HINGE, Tree
-
-
-def friction_torque(
-    rate: np.ndarray, damping: np.ndarray | float, friction: np.ndarray | float = 0.0
-) -> np.ndarray:
-    """Return the torque of viscous and dry friction, tau = -b v - f sign(v), against the motion.
-
-    The paper prints tau = b v, which would drive the joint; a resisting torque has the other sign. The sign
-    function is tanh(v / 0.004), as in the dynamics of hinges.
-
-    Args:
-        rate: Joint rates v [rad/s or m/s], (..., dof).
-        damping: Viscous coefficients b [N m s/rad or N s/m], (dof,) or one for all.
-        friction: Dry friction f [N m or N], (dof,) or one for all.
-
-    Returns:
-        Torques [N m or N], (..., dof).
-
-    Source:
-        Eq. (9) of "Estimating dynamics on-the-fly using monocular video", 2012.
-
-    Example:
-        >>> import numpy as np
-        >>> friction_torque(np.array([2.0, -1.0]), 0.5, 0.1).tolist()
-        [-1.1, 0.6]
-    """
-    rate = np.asarray(rate, dtype=float)
-    return -damping * rate - friction * np.tanh(rate / CREEP[HINGE])
+from monodyn.mechanism.tree import Tree
 
 
 def fourier_coefficients(time: np.ndarray, values: np.ndarray, period: float, terms: int) -> np.ndarray:

@@ -259,15 +259,6 @@ class Sight:
         found = occluders.hidden()
         return found if found.any() else None
 
-    @cached_property
-    def sway_px(self) -> float:
-        """How far the edges of key frames show the whole mechanism from where it was located, rms [px]."""
-        if self.scene is None:
-            return 0.0
-        from monodyn.vision.locating.parallax import scene_sway
-
-        return scene_sway(self.scene).rms_px
-
     @property
     def mismatch(self) -> float:
         """Median mismatch of the outline over the tracked frames, as a share of the mask's area; NaN without

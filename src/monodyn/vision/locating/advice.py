@@ -68,26 +68,3 @@ def vague_from(camera: Camera, name: str) -> float:
     if name == "camera.focal":
         return VAGUE_FOCAL * camera.focal
     return VAGUE_TURN if name in CAMERA_TURNS else np.inf
-
-
-def twin_advice(camera: Camera, twin: Camera | None) -> list[str]:
-    """Write the sentence for the user about a camera on another side that explains the pictures as well.
-
-    Args:
-        camera: The camera that was taken.
-        twin: The other one; None where there is none.
-
-    Returns:
-        The sentence; none without one.
-    """
-    if twin is None:
-        return []
-
-    def turns(of: Camera) -> str:
-        return f"yaw {np.rad2deg(of.yaw):.1f} deg and pitch {np.rad2deg(of.pitch):.1f} deg"
-
-    return [
-        f"From which side the camera looks is open: {turns(twin)} explain the pictures as well as "
-        f"{turns(camera)}, which were taken. Give the true ones with --fix camera.yaw camera.pitch where the "
-        "side counts."
-    ]

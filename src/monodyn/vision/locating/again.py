@@ -81,15 +81,13 @@ def find_again(sought: locate.Sought, scene: Scene, tracked: Poses, *, looks: bo
     )
     planes = [frames.frames[i].planes for i in kept]
     whole = KeyMasks(planes, frames.view, shutter=followed.shutter.only(kept))
-    before = () if scene.doubt is None else scene.doubt.bundle.alternatives
+    ways = () if scene.doubt is None else scene.doubt.bundle.alternatives
     # turns that are looked for anew are doubted anew
-    before = [way for way in before if turned or not CAMERA_STD.keys() & way.keys()]
-    bundle = replace(bundle, alternatives=tuple(before))
+    ways = tuple(way for way in ways if turned or not CAMERA_STD.keys() & way.keys())
+    bundle = replace(bundle, alternatives=ways)
     looking = (
         locate.camera_looks(sought, whole, bundle) if looks else Looking(bundle, bundle.variables, bundle)
     )
-    if turned:
-        looking = replace(looking, twin=scene.twin)
     # blur is foreground beside the outline, and says nothing about what is there
     slow = _slow(followed.blurs[kept]).tolist()
     found = locate.found_scene(sought, masks, frames.only(kept), looking.bundle, looking, slow)

@@ -19,7 +19,7 @@ from monodyn.vision.drawing.outline import covered_pixels
 from monodyn.vision.drawing.rig import SIZE_KINDS
 from monodyn.vision.drawing.shutter import Shutter
 from monodyn.vision.foreground.masks import GeomColours, Masks
-from monodyn.vision.locating.advice import scene_advice, twin_advice
+from monodyn.vision.locating.advice import scene_advice
 from monodyn.vision.locating.arrange import BETTER, freed
 from monodyn.vision.locating.body import beside
 from monodyn.vision.locating.bundle import SETTLE, Bundle, KeyMasks, refine
@@ -306,7 +306,6 @@ def found_scene(
     share = float(np.median(left_shares(judged, shown.mechanism, shown.camera, shown.positions)))
     advice = scene_advice(bundle, freed, share, varied=masks.varied)
     advice += hidden_advice(hidden_places(allowed, scale_free=scale_free))
-    advice += twin_advice(bundle.camera, looks.twin)
     scene, metre = _in_metres(sought, masks, frames, bundle)
     return replace(
         scene,
@@ -315,7 +314,6 @@ def found_scene(
         beside=beside(judged, shown),
         advice=tuple(advice),
         doubt=doubt_of(bundle, looks.known(bundle), looks.off(bundle), metre, scale_free=scale_free),
-        twin=looks.twin,
     )
 
 

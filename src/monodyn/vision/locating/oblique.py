@@ -56,13 +56,11 @@ class Looking:
         bundle: The refinement, its camera turned where that is clear.
         variables: What was refined.
         doubted: A refinement in which the camera was free to turn, whatever came of it.
-        twin: A camera on another side that explains the pictures as well; None where there is none.
     """
 
     bundle: Bundle
     variables: SceneVariables
     doubted: Bundle
-    twin: Camera | None = None
 
     def known(self, bundle: Bundle) -> Bundle:
         """Return a later refinement of the same variables with what is known if the camera may be turned.
@@ -163,19 +161,19 @@ def looking(
     wanted, turned = any(name in asked for name in names), turned_by(tried, bundle, names)
     found = _refined(masks, tried, every, search, SETTLE) if wanted or turned > FOLLOWED else tried
     if wanted or (turned > WORTH and turned_by(found, bundle, names) > WORTH):
-        found, twin = from_other_sides(masks, bundle, found, search)
+        found, others = from_other_sides(masks, bundle, found, search)
         if wanted or _believed(found, bundle, names):
             square = replace(bundle, variables=every)
             decided = fall(found, bundle) > DECISIVE * explicable(bundle, found)
-            ways = () if decided else (spread(found, square),)
+            ways = [spread(found, other) for other in (*others, *([] if decided else [square]))]
             found = replace(found, alternatives=(*bundle.alternatives, *ways))
-            return Looking(found, every, found, twin)
+            return Looking(found, every, found)
     return Looking(bundle, bundle.variables, found)
 
 
 def from_other_sides(
     masks: KeyMasks, bundle: Bundle, found: Bundle, search: EdgeSearch
-) -> tuple[Bundle, Camera | None]:
+) -> tuple[Bundle, list[Bundle]]:
     """Return the best of what is found from cameras that look from either side, from above and from below.
 
     A link before a camera on the left is foreshortened as before one on the right: from where it looks
@@ -189,8 +187,8 @@ def from_other_sides(
         search: How the edges are looked for.
 
     Returns:
-        The one that is clearly likelier, or ``found``; this, too, where the camera's place is given. And a
-        camera that is turned otherwise and is as likely, None without one.
+        The one that is clearly likelier, or ``found``; this, too, where the camera's place is given. And one
+        whose camera is turned otherwise and that is as likely, none without one.
     """
     wide = search._replace(reaches=np.array(TRIED))
     square = pinhole.around_origin(bundle.camera)
@@ -211,8 +209,8 @@ def from_other_sides(
     turns = [name for name in pinhole.CAMERA_TURNS if name in found.variables.names]
     for other in endings:
         if _gain(best, other, bundle) < OTHER_ENDING**2 and turned_by(best, other, turns) > OTHER_ENDING:
-            return best, other.camera
-    return best, None
+            return best, [other]
+    return best, []
 
 
 def with_camera(before: SceneVariables, mechanism: Mechanism, names: Sequence[str]) -> SceneVariables:

@@ -48,7 +48,6 @@ class Scene:
         beside: What moves along with each body outside of its outline, as a share of the foreground.
         shutter: How each picture is exposed while the mechanism moves; None for pictures of one instant.
         doubt: What is not known of sizes and camera; None where nothing is said of it.
-        twin: A camera on another side that explains the pictures as well, its turns [rad]; None without one.
     """
 
     mechanism: Mechanism
@@ -65,7 +64,6 @@ class Scene:
     beside: Mapping[str, float] = field(default_factory=dict)
     shutter: Shutter | None = None
     doubt: Doubt | None = field(default=None, repr=False)
-    twin: Camera | None = None
 
     def moving(self, frame: int) -> Rig:
         """Return the mechanism before the camera, as it moves while a picture is exposed.
