@@ -78,8 +78,7 @@ def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | 
     # what lies badly on its mask and was lost again and again may be something else
     if sight.mismatch > MOST_MISMATCH * min(seen / max(count, 1), 1.0):
         return _mismatched(sight, count - seen, count)
-    bare = sight.scene is not None and sight.scene.masks.video.bare
-    sway_px = scene_sway(sight.scene).rms_px if bare else 0.0
+    sway_px = scene_sway(sight.scene).rms_px if sight.scene and sight.scene.masks.video.bare else 0.0
     if sway_px > MOST_SWAY_PX:
         return (
             f"The whole mechanism sways by {sway_px:.1f} px in the picture, and the background "

@@ -13,6 +13,7 @@ from monodyn.doubtful import unmeasured_joints
 from monodyn.errors import SettingsError
 from monodyn.estimation.fit import PAYS, Doubt, Fit
 from monodyn.kept import kept_doubts
+from monodyn.markup import counted
 from monodyn.mechanism.tree import BRAKES
 from monodyn.redrawn import redrawn
 from monodyn.results.filmed import filmed_of
@@ -98,7 +99,7 @@ def report(
             fit,
             traces,
             title=fit.mechanism.name if video is None else video.path.name,
-            subtitle=_subtitle(fit),
+            subtitle=f"Mechanism {fit.mechanism.name} with {counted(len(fit.mechanism.joints), 'joint')}.",
             notes=[NO_PICTURE] if scene is None else [],
             record=shown[0] if len(whole) == 1 else None,
             log=log,
@@ -173,8 +174,3 @@ def _log(fit: Fit, video: Video | None, settings: RunSettings) -> RunLog:
     log = RunLog("report", inputs, settings)
     log.seconds["identify"] = fit.seconds
     return log
-
-
-def _subtitle(fit: Fit) -> str:
-    count = len(fit.mechanism.joints)
-    return f"Mechanism {fit.mechanism.name} with {count} joint{'s' if count > 1 else ''}."

@@ -25,15 +25,6 @@ def friction_torque(rate, damping, friction):
     return -damping * rate - friction * np.tanh(rate / CREEP[HINGE])
 
 
-def test_friction_takes_energy_out():
-    rate = np.random.default_rng(0).normal(size=(50, 2))
-    tau = friction_torque(rate, np.array([0.5, 0.1]), np.array([0.0, 0.2]))
-    assert (tau * rate < 0).all()
-    np.testing.assert_allclose(tau[:, 0], -0.5 * rate[:, 0])
-    fast = np.abs(rate[:, 1]) > 0.2
-    np.testing.assert_allclose(tau[fast, 1], -0.1 * rate[fast, 1] - 0.2 * np.sign(rate[fast, 1]))
-
-
 def test_friction_is_that_of_the_dynamics():
     mechanism = load("double").with_values({"joint1.friction": 0.02, "joint2.damping": 0.03})
     tree, still = mechanism.tree, np.zeros((1, 2))

@@ -367,7 +367,9 @@ def _stack(
         outline=matrix(points, index),
         radius=matrix([solid.radius for _, solid in drawn], index),
         depths=matrix(depths, index),
-        ties=_ties(table, index),
+        ties=tuple(
+            (row, matrix([dict(tie)], index)[0]) for row, tie in enumerate(table.tie) if tie is not None
+        ),
         turns=tuple(
             Turn(
                 shape, index[solid.turn], table.start[index[solid.turn]], matrix(solid.look.middle[:2], index)
@@ -376,12 +378,6 @@ def _stack(
             if solid.turn and solid.look is not None
         ),
     )
-
-
-def _ties(table: Table, index: dict[str, int]) -> tuple[tuple[int, np.ndarray], ...]:
-    """Return the rows of what follows by a form, with the forms as rows of a matrix."""
-    tied = [(row, tie) for row, tie in enumerate(table.tie) if tie is not None]
-    return tuple((row, matrix([dict(tie)], index)[0]) for row, tie in tied)
 
 
 def matrix(forms: Sequence[axes.Form], index: dict[str, int]) -> np.ndarray:

@@ -117,7 +117,7 @@ def locate_published(
         raise VideoError(
             f"{masks.video.path}: expected a silhouette of the mechanism in frame {shown.frame.index}, found "
             f"one that differs from the drawn mechanism by {share:.0%} of its area; check the mechanism "
-            f"file, or use the default method.{_because(silhouettes)}"
+            f"file, or use the default method.{''.join(f' {said}' for said in failed_advice(silhouettes))}"
         )
     return replace(scene, advice=(*_cut_short(budget), *scene.advice))
 
@@ -202,12 +202,6 @@ def size_ratios(view: ModelView, model: StartModel) -> Measured:
         # remains is the information on ratios with the common scale eliminated
         information = information - np.outer(known, known) / known.sum()
     return Measured(names, information)
-
-
-def _because(silhouettes: ClipSilhouettes) -> str:
-    """Return the assumptions that the clip disproves as the end of a sentence, or nothing."""
-    sentences = failed_advice(silhouettes)
-    return f" {' '.join(sentences)}" if sentences else ""
 
 
 def _cut_short(budget: DrawingBudget) -> tuple[str, ...]:

@@ -122,7 +122,7 @@ def _powers(problem: Problem, x: np.ndarray, known: Knowledge, drawn: Posterior 
     # a product needs logarithms: what may be zero or negative is no factor of it
     usable = (values > 0) & ~unknowns.of_kind(*CENTRE_KINDS)
     usable &= unknowns.ratio | (unknowns.against < 0)
-    moved = _moved(unknowns, known)
+    moved = np.linalg.norm(known.open, axis=1) > MOVED
     if not moved.any():
         return []
     reference = _reference(unknowns, known.open, usable & moved)
@@ -144,13 +144,6 @@ def _powers(problem: Problem, x: np.ndarray, known: Knowledge, drawn: Posterior 
             powers = [(k, -e) for k, e in powers]
         found.append(_product_of(unknowns, values, powers, known, drawn))
     return found
-
-
-def _moved(unknowns: Unknowns, known: Knowledge) -> np.ndarray:
-    """True for unknowns that some open direction changes, (param,)."""
-    if not known.open.size:
-        return np.zeros(len(unknowns), dtype=bool)
-    return np.linalg.norm(known.open, axis=1) > MOVED
 
 
 def _product_of(

@@ -85,9 +85,7 @@ def find_again(sought: locate.Sought, scene: Scene, tracked: Poses, *, looks: bo
     # turns that are looked for anew are doubted anew
     ways = tuple(way for way in ways if turned or not CAMERA_STD.keys() & way.keys())
     bundle = replace(bundle, alternatives=ways)
-    looking = (
-        locate.camera_looks(sought, whole, bundle) if looks else Looking(bundle, bundle.variables, bundle)
-    )
+    looking = locate.camera_looks(sought, whole, bundle) if looks else Looking(bundle, bundle)
     # blur is foreground beside the outline, and says nothing about what is there
     slow = _slow(followed.blurs[kept]).tolist()
     found = locate.found_scene(sought, masks, frames.only(kept), looking.bundle, looking, slow)

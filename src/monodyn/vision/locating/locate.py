@@ -85,7 +85,7 @@ def find_scene(sought: Sought) -> Scene:
     sought.step(8)
     frames = key_frames(masks, geoms)
     sought.step(9)
-    variables = without_names(camera.variables, departed)
+    variables = without_names(camera.bundle.variables, departed)
     guess = replace(guess, mechanism=guess.mechanism.with_following(departed, follow=True))
     better = reconsidered(frames, guess, variables, start)
     search = FINE if departed or better is not guess else LAST

@@ -54,12 +54,10 @@ class Looking:
 
     Attributes:
         bundle: The refinement, its camera turned where that is clear.
-        variables: What was refined.
         doubted: A refinement in which the camera was free to turn, whatever came of it.
     """
 
     bundle: Bundle
-    variables: SceneVariables
     doubted: Bundle
 
     def known(self, bundle: Bundle) -> Bundle:
@@ -151,7 +149,7 @@ def looking(
         What was found.
     """
     if not names:
-        return Looking(bundle, bundle.variables, bundle)
+        return Looking(bundle, bundle)
     if ROLL in names and len(names) > 1:
         # it shows by itself, and what it takes away says nothing of the other turns
         bundle = looking(masks, bundle, [ROLL], asked, search).bundle
@@ -167,8 +165,8 @@ def looking(
             decided = fall(found, bundle) > DECISIVE * explicable(bundle, found)
             ways = [spread(found, other) for other in (*others, *([] if decided else [square]))]
             found = replace(found, alternatives=(*bundle.alternatives, *ways))
-            return Looking(found, every, found)
-    return Looking(bundle, bundle.variables, found)
+            return Looking(found, found)
+    return Looking(bundle, found)
 
 
 def from_other_sides(
