@@ -75,6 +75,14 @@ def test_a_motion_beside_the_pictures_is_refused() -> None:
     )
 
 
+def test_a_motion_that_nearly_follows_is_not_trusted() -> None:
+    """By 13 % of the outline's size, as of a small ball on a long thread that swings in no plane."""
+    fit, poses = identified(), followed()
+    doubts = redrawn(fit, scaled(), replace(poses, position=1.1 * poses.position)).doubts
+    assert [doubt.grade for doubt in doubts] == ["approximate"]
+    assert doubts[0].reason.startswith("The identified motion contradicts the pictures")
+
+
 def test_poses_that_were_changed_on_the_way_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     fit, poses = identified(), followed()
     shrunk = replace(poses, position=0.01 * poses.position)

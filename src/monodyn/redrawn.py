@@ -26,6 +26,9 @@ from monodyn.vision.points.shown import Places, project, shown_by
 BESIDE = 0.1
 """Distance of a point from the pictures, over the outline's size, from which on they contradict it: a pose as
 far off counts as wrong."""
+APART = 1.0
+"""The same from which they refuse the identified motion: drawn again it no longer touches what it stands for.
+Nearer than that it is not trusted: a small ball's own size is a hundredth of the way of its thread."""
 STRAY = 0.1
 """Share of the frames that may be farther off: as many poses as a fit may leave out as gross errors."""
 BARE = 0.05
@@ -62,9 +65,9 @@ def redrawn(fit: Fit, scene: Scene | PointScene, followed: Poses) -> Fit:
     marks = [mark for mark in targets_of(scene.mechanism).values() if mark.kind != SCENE]
     shapes = scene.mechanism.shapes
     names = [*(mark.target for mark in marks), *np.array(shapes.body)[np.diff(shapes.first) == 1].tolist()]
-    for what, rows, position in (
-        ("The poses that are reported contradict", known, filmed.tracked.position),
-        ("The identified motion contradicts", fitted, trace.states.position),
+    for what, rows, position, most in (
+        ("The poses that are reported contradict", known, filmed.tracked.position, BESIDE),
+        ("The identified motion contradicts", fitted, trace.states.position, APART),
     ):
         before = _shown(marks, scene.mechanism, scene.camera, followed.position[rows])
         after = _shown(marks, filmed.mechanism, filmed.camera, position[rows])
@@ -74,7 +77,7 @@ def redrawn(fit: Fit, scene: Scene | PointScene, followed: Poses) -> Fit:
         worst = int(np.argmax(px))
         if px[worst] > BESIDE * size:
             said = _contradicted(what, names[worst], float(px[worst]), size)
-            return fit.doubted([Doubt("refused", said)])
+            return fit.doubted([Doubt("refused" if px[worst] > most * size else "approximate", said)])
     hinge = 0.0 if not isinstance(scene, Scene) or scene.doubt is None else hinge_px(scene.doubt.bundle)
     if hinge > UNSTEADY * size:
         fit = fit.doubted([Doubt("approximate", _unsteady(scene.mechanism.bodies[0], hinge, size))])
