@@ -82,12 +82,12 @@ def compared(clip: Path, truth: str, runs: Path) -> list[Figure]:
         truth: Bundled name of what was rendered.
         runs: Where the run folders go.
     """
-    alone, alone_time = timed(clip, "auto", {}, runs / clip.stem)
-    rows = alone.get("comparison") or [{"model": "none", "said": alone["status"], "fixed": {}}]
+    alone, alone_time = timed(clip, "auto", runs / clip.stem)
+    rows = alone.get("comparison") or [{"model": "none", "said": alone["status"]}]
     for row in rows:
         say(f"{clip.stem}: {row['model']}: {row['said']}")
     chosen = rows[0]["model"]
-    named, named_time = timed(clip, rows[0]["model"], rows[0]["fixed"], runs / f"{clip.stem}_named")
+    named, named_time = timed(clip, rows[0]["model"], runs / f"{clip.stem}_named")
     say(f"{clip.stem}: {truth} taken for {chosen}, {alone['grade']}; named {named['grade']}")
     return [
         Figure(clip.stem, f"{truth} taken for {chosen}", float(chosen != truth), "", 0.0),
@@ -96,18 +96,17 @@ def compared(clip: Path, truth: str, runs: Path) -> list[Figure]:
     ]
 
 
-def timed(clip: Path, model: str, fixed: dict[str, float], out: Path) -> tuple[dict[str, Any], float]:
+def timed(clip: Path, model: str, out: Path) -> tuple[dict[str, Any], float]:
     """Return of a run the content of fit.json, or what takes its place, and the time [s].
 
     Args:
         clip: The clip.
         model: Name of the model.
-        fixed: Values of parameters that are held.
         out: The run folder.
     """
     began = time.perf_counter()
     try:
-        outcome = monodyn.run(clip, model, out, monodyn.RunSettings(fix=fixed), force=True)
+        outcome = monodyn.run(clip, model, out, force=True)
     except monodyn.MonodynError as error:
         return {"grade": "stopped", "status": str(error)}, time.perf_counter() - began
     return outcome.document, time.perf_counter() - began

@@ -84,7 +84,7 @@ def test_the_grade_decides_before_the_prediction_and_the_prediction_before_the_p
 
 def test_every_mechanism_has_its_figures_and_its_reason() -> None:
     fit = made_fit()
-    best = tried("double", 0.05, fixed={"link1.tail": 0.0}, fit=fit, off=0.03)
+    best = tried("double", 0.05, fit=fit, off=0.03)
     rows = compared(
         [
             tried("single", 0.5, lies=6),
@@ -98,8 +98,8 @@ def test_every_mechanism_has_its_figures_and_its_reason() -> None:
     )
     assert [row.chosen for row in rows] == [True, False, False, False, False, False]
     assert {row.model: row.said for row in rows} == {
-        "double": "with --fix link1.tail=0, links that end at their hinges: off the foreground by 5.0% of "
-        "its area, on it in 12 of 12 key frames, fit trusted, prediction off by at most 3% of the motion.",
+        "double": "off the foreground by 5.0% of its area, on it in 12 of 12 key frames, fit trusted, "
+        "prediction off by at most 3% of the motion.",
         "cartpole": "off the foreground by 6.0% of its area, on it in 12 of 12 key frames, fit trusted, "
         "prediction off by at most 30% of the motion; the motion decided.",
         "triple": "off the foreground by 5.0% of its area, on it in 12 of 12 key frames, joint3 does not "
@@ -203,24 +203,14 @@ def test_each_mechanism_is_listed_once(monkeypatch: pytest.MonkeyPatch, located:
 
     def looked(job: object, masks: object, one: Tried, *, whole: bool = False) -> Tried:
         if whole and not located:
-            return Tried(one.model, one.mechanism, one.fixed, refusal="Nothing moves.")
-        return tried(one.model, 0.2 if whole else 0.3, fixed=one.fixed)
+            return Tried(one.model, one.mechanism, refusal="Nothing moves.")
+        return tried(one.model, 0.2 if whole else 0.3)
 
     monkeypatch.setattr(module, "_looked", looked)
-    monkeypatch.setattr(module, "_flush", lambda settings, one: None)
     monkeypatch.setattr(module, "agreement", lambda scene: 0.0)
     nothing: Any = SimpleNamespace(settings=RunSettings())
     models = {"single": load("single")}
     _, rows = choose(nothing, nothing, models)
     assert [row.said for row in rows] == [
         f"off the foreground by {20 if located else 30}.0% of its area, on it in 12 of 12 key frames."
-    ]
-
-
-def test_a_choice_that_was_not_located_is_named_with_it() -> None:
-    best = tried("single", 0.1)
-    ends = Tried("single", best.mechanism, {"link1.tip": 0.0}, refusal="Nothing moves.")
-    assert [row.said for row in compared([best, ends], best)] == [
-        "off the foreground by 10.0% of its area, on it in 12 of 12 key frames.",
-        "with --fix link1.tip=0, links that end at their hinges: not located: Nothing moves.",
     ]

@@ -81,9 +81,10 @@ def test_a_mechanism_that_sways_before_a_bare_wall_is_doubted(monkeypatch: pytes
     scene = SimpleNamespace(masks=SimpleNamespace(video=video), beside={})
     sight = SimpleNamespace(unshown=[], mismatch=0.2, scene=scene, points=None)
     assert doubtful_sight(sight, poses(100, 100)) == (  # type: ignore[arg-type]
-        "The whole mechanism sways by 12.3 px in the picture, and the background shows too little to follow "
-        "the camera by: put the camera on a tripod, or film before a background with edges and patterns over "
-        "much of the picture."
+        "Beside its motion the whole mechanism sways by 12.3 px in the picture: the camera moves, or what "
+        "holds the mechanism, or it is another one, and the background shows too little to tell. Put the "
+        "camera on a tripod, film before a background with edges and patterns over much of the picture, or "
+        "run the clip without --model: the bundled mechanisms are tried."
     )
     sway.rms_px = 0.4
     assert doubtful_sight(sight, poses(100, 100)) is None  # type: ignore[arg-type]

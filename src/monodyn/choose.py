@@ -4,16 +4,15 @@ The picture comes first. A mechanism with a link too few leaves foreground unexp
 many explains no more than without it. Every joint and every geom that a mechanism has more than another must
 take ``CHARGE`` off what is unexplained: Schwarz's criterion, n ln(unexplained) + k / 2 ln(n), for the n
 independent places of an outline and the k unknowns of a picture, with a charge above that of noise alone,
-because bodies are no exact boxes. Links that end at their hinges are simpler than those that reach beyond,
-as no picture shows how far one link reaches under another. What the picture leaves open is followed and
+because bodies are no exact boxes. What the picture leaves open is followed and
 identified: then the grade of the fit decides, then how far its prediction is off, and between those that are
 alike the picture.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,7 +68,6 @@ class Tried:
     Attributes:
         model: Its name.
         mechanism: The mechanism with the user's choices.
-        fixed: What was fixed in addition to these, by name.
         scene: Where it was located; None where it was not.
         mismatch: Mismatch of outline and mask as a share of the mask's area in the usual key frame.
         lies: Key frames in which it does.
@@ -81,7 +79,6 @@ class Tried:
 
     model: str
     mechanism: Mechanism
-    fixed: Mapping[str, float] = field(default_factory=dict)
     scene: Scene | None = None
     mismatch: float = np.inf
     lies: int = 0
@@ -92,9 +89,8 @@ class Tried:
 
     @property
     def parts(self) -> int:
-        """Number of joints and geoms, and one more where links may reach beyond their hinges."""
-        beyond = any(self.mechanism.values[name] for name in overhangs(self.mechanism))
-        return len(self.mechanism.joints) + len(self.mechanism.shapes.radius) + beyond
+        """Number of joints and geoms."""
+        return len(self.mechanism.joints) + len(self.mechanism.shapes.radius)
 
     @property
     def unexplained(self) -> float:
@@ -186,41 +182,17 @@ def choose(job: Job, masks: Masks, models: dict[str, Mechanism]) -> tuple[Mechan
             "and name it with --model."
         )
     given_up = [one for one in tried if one not in left]
-    near = [
-        *left,
-        *(_looked(job, masks, one) for one in [_flush(job.settings, one) for one in left] if one is not None),
-    ]
-    if all(one.scene is None or agreement(one.scene) < EXPLAINED for one in near):
+    if all(one.scene is None or agreement(one.scene) < EXPLAINED for one in left):
         # what a look at the key frames does not explain may be explained in a part of the picture
-        near = [_looked(job, masks, one, whole=True) for one in near]
-    looked = left_by_picture(near)
-    # where a longer look locates none of them the quick one counts, and each is listed once
-    given_up += [one for one in near if looked and one not in looked]
-    left = looked or left
+        near = [_looked(job, masks, one, whole=True) for one in left]
+        looked = left_by_picture(near)
+        # where a longer look locates none of them the quick one counts, and each is listed once
+        given_up += [one for one in near if looked and one not in looked]
+        left = looked or left
     if len(left) > 1:
         left = [_followed(job, masks, _looked(job, masks, one, whole=True)) for one in left]
     best = left_by_motion(left)
     return best.mechanism, compared([*left, *given_up], best)
-
-
-def overhangs(mechanism: Mechanism) -> list[str]:
-    """Return how far links reach beyond their hinges, the names of these parameters.
-
-    Args:
-        mechanism: A mechanism.
-    """
-    return [p.name for p in mechanism.parameters if p.kind in ("tail", "tip")]
-
-
-def _flush(settings: RunSettings, one: Tried) -> Tried | None:
-    """Return a mechanism whose links end at their hinges; None where that is no other one, or the user has
-    chosen something else."""
-    fixed = dict.fromkeys(overhangs(one.mechanism), 0.0)
-    if one.scene is None or not fixed or any(name in one.mechanism.chosen for name in fixed):
-        return None
-    return Tried(
-        one.model, drawn_mechanism(one.model, replace(settings, fix={**settings.fix, **fixed})), fixed
-    )
 
 
 def left_by_picture(tried: Sequence[Tried]) -> list[Tried]:
@@ -346,7 +318,6 @@ def compared(tried: Sequence[Tried], best: Tried) -> tuple[Compared, ...]:
             model=one.model,
             chosen=one is best,
             said=_said(one, best),
-            fixed=one.fixed,
             mismatch=None if one.scene is None else one.mismatch,
             key_frames=(one.lies, one.frames) if one.frames else None,
             grade=None if one.fit is None else one.fit.grade,
@@ -358,11 +329,9 @@ def compared(tried: Sequence[Tried], best: Tried) -> tuple[Compared, ...]:
 
 def _said(one: Tried, best: Tried) -> str:
     """Return what spoke for and against one mechanism, a sentence."""
-    ends = " ".join(f"{name}={value:g}" for name, value in one.fixed.items())
-    said = f"with --fix {ends}, links that end at their hinges: " if ends else ""
     if one.scene is None:
-        return f"{said}not located: {one.refusal}"
-    said += f"off the foreground by {one.mismatch:.1%} of its area, "
+        return f"not located: {one.refusal}"
+    said = f"off the foreground by {one.mismatch:.1%} of its area, "
     said += f"on it in {one.lies} of {one.frames} key frames"
     if one.still:
         said += f", {one.still} does not move"

@@ -9,7 +9,7 @@ import platform
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, field, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +34,6 @@ class Compared:
         model: Its name.
         chosen: Whether it is the one that was taken.
         said: What spoke for and against it, a sentence with its figures.
-        fixed: Parameters that were fixed in addition to the user's, by name.
         mismatch: Mismatch of outline and mask as a share of the mask's area; None where it was not located.
         key_frames: In how many key frames it lies on its mask, and of how many; None without a picture.
         grade: That of its fit; None where it was not identified.
@@ -44,7 +43,6 @@ class Compared:
     model: str
     chosen: bool
     said: str
-    fixed: Mapping[str, float] = field(default_factory=dict)
     mismatch: float | None = None
     key_frames: tuple[int, int] | None = None
     grade: Grade | None = None
@@ -97,7 +95,6 @@ class RunLog:
             comparison: All that were tried, the chosen one first.
         """
         self.inputs["model"] = fingerprint("model", comparison[0].model)
-        self.settings["fix"] = {**self.settings["fix"], **comparison[0].fixed}
         self.comparison = comparison
 
     @contextmanager

@@ -430,9 +430,9 @@ def _combination(row: Mapping[str, Any]) -> Combination:
 
 
 def _estimate(name: str, value: float, unit: str, row: Mapping[str, Any] | None, *, free: bool) -> Estimate:
-    """Return a parameter of the written model with the interval that was written."""
+    """Return a parameter of the written model with the value and the interval that were written."""
     if row is None:
         return Estimate(name, value, 0.0, value, value, unit, free, True, False)
-    std = known_or(row["std"], math.inf)
+    value, std = known_or(row["value"], math.nan), known_or(row["std"], math.inf)
     lower, upper = known_or(row["lower"], -math.inf), known_or(row["upper"], math.inf)
     return Estimate(name, value, std, lower, upper, unit, free, row["identifiable"], row["at_bound"])
