@@ -83,8 +83,8 @@ def doubtful_sight(sight: Sight, part: Poses, *, uniform: bool = True) -> str | 
         return (
             f"Beside its motion the whole mechanism sways by {sway_px:.1f} px in the picture: the camera "
             "moves, or what holds the mechanism, or it is another one, and the background shows too little "
-            "to tell. Put the camera on a tripod, film before a background with edges and patterns over much of "
-            "the picture, or run the clip without --model: the bundled mechanisms are tried."
+            "to tell. Put the camera on a tripod, film before a background with edges and patterns over much "
+            "of the picture, or run the clip without --model: the bundled mechanisms are tried."
         )
     beside = {} if sight.scene is None else sight.scene.beside
     body = max(beside, key=lambda name: beside[name], default="")

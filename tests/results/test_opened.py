@@ -78,12 +78,12 @@ def test_a_run_is_read_back_as_it_was(tmp_path, name, settings, torque):
 
 def test_a_body_that_came_out_wider_than_long_has_the_values_that_were_written(tmp_path):
     """Read as a file its longer side would be its length: value and interval were of two sides."""
-    poses, start = pushed("single")
-    wide = start.with_choices(fix={"link1.width": 3.0 * start.values["link1.length"]})
+    poses, start = pushed("cartpole")
+    wide = start.with_choices(fix={"cart.width": 3.0 * start.values["cart.length"]})
     fit = monodyn.identify(poses, wide, IdentifySettings(torque="friction"))
     monodyn.report(fit, to=tmp_path / "run")
     back = monodyn.open_run(tmp_path / "run")
-    for name in ("link1.length", "link1.width"):
+    for name in ("cart.length", "cart.width"):
         assert back.parameter(name).value == pytest.approx(fit.parameter(name).value, rel=1e-12)
         assert back.parameter(name).lower == fit.parameter(name).lower
 
