@@ -91,7 +91,8 @@ def test_what_is_no_run_is_refused_in_one_line(tmp_path):
     folder = tmp_path / "none"
     with refuses(
         SettingsError,
-        f"'{folder}': expected the folder of a run, got no such folder; name the one given as --out.",
+        f"'{folder}': expected the folder of a run, got no such folder; name the one given as --out, of "
+        "a run that came to a fit.",
     ):
         monodyn.open_run(folder)
     with refuses(

@@ -310,7 +310,7 @@ def _json(file: Path) -> dict[str, Any]:
     if not file.is_file():
         what = f"a folder without {file.name}" if file.parent.is_dir() else "no such folder"
         asked = [] if file.parent.is_dir() else near_files(file.parent)
-        end = meant(asked) or "name the one given as --out."
+        end = meant(asked) or "name the one given as --out, of a run that came to a fit."
         raise SettingsError(f"'{file.parent}': expected the folder of a run, got {what}; {end}")
     if file.stat().st_size > LARGEST:
         raise SettingsError(
