@@ -125,5 +125,5 @@ def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
     assert (done.code, done.out) == (2, "")
     assert done.err == (
         f"monodyn: '{tmp_path}': expected the folder of a run, got a folder without fit.json; name the one "
-        "given as --out.\n"
+        "given as --out, of a run that came to a fit.\n"
     )

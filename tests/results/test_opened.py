@@ -98,7 +98,7 @@ def test_what_is_no_run_is_refused_in_one_line(tmp_path):
     with refuses(
         SettingsError,
         f"'{tmp_path}': expected the folder of a run, got a folder without fit.json; name the one given as "
-        "--out.",
+        "--out, of a run that came to a fit.",
     ):
         monodyn.open_run(tmp_path)
 
