@@ -4,9 +4,8 @@ The picture comes first. A mechanism with a link too few leaves foreground unexp
 many explains no more than without it. Every joint and every geom that a mechanism has more than another must
 take ``CHARGE`` off what is unexplained: Schwarz's criterion, n ln(unexplained) + k / 2 ln(n), for the n
 independent places of an outline and the k unknowns of a picture, with a charge above that of noise alone,
-because bodies are no exact boxes. What the picture leaves open is followed and
-identified: then the grade of the fit decides, then how far its prediction is off, and between those that are
-alike the picture.
+because bodies are no exact boxes. What the picture leaves open is followed and identified: then the grade of
+the fit decides, then how far its prediction is off, and between those that are alike the picture.
 """
 
 from __future__ import annotations

@@ -276,7 +276,9 @@ def fall(found: Bundle, before: Bundle) -> float:
 
 
 def explicable(bundle: Bundle, other: Bundle) -> float:
-    """Return the squared residuals of a refinement but for samples without an edge, which hide, in another.
+    """Return the squared residuals that another refinement can take away, over the variance of an edge.
+
+    Samples on which that one has no edge, as where something hides the outline, tell nothing of the two.
 
     Args:
         bundle: The refinement.
