@@ -77,8 +77,8 @@ def pendant_lengths(mechanism: Mechanism, camera: Camera) -> list[str]:
 def hinge_px(bundle: Bundle) -> float:
     """Return the standard deviation of where along its first body a mechanism turns [px].
 
-    A pivot that gives way in step with the swing looks like a hinge elsewhere. It is taken to do so by as much
-    as the mechanism sways, which is what it does out of step.
+    A pivot that gives way in step with the swing looks like a hinge elsewhere. It is taken to do so by as
+    much as the mechanism sways, which is what it does out of step.
 
     Args:
         bundle: A refined bundle; 0 where the first length is given or a thread's, the root slides or hangs
