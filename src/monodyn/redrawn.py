@@ -27,7 +27,7 @@ BESIDE = 0.1
 """Distance of a point from the pictures, over the outline's size, from which on they contradict it: a pose as
 far off counts as wrong."""
 APART = 0.5
-"""The same from which they refuse the identified motion: a disc drawn there covers 39 % of what it stands for.
+"""The same from which they refuse the identified motion: a disc drawn there covers 39 % of what it shows.
 Nearer than that it is not trusted: a tenth of a small ball is half a per cent of its way on a long thread."""
 STRAY = 0.1
 """Share of the frames that may be farther off: as many poses as a fit may leave out as gross errors."""
